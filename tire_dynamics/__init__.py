@@ -1,0 +1,38 @@
+"""Real-time rotating-ring tire dynamics: what the tires do to the axles, and whether they are stable.
+
+The public names are loaded on first use, so that importing the package costs nothing and never touches ROS.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .estimator.simulate import Response, simulate
+    from .science import floquet, ring, wheel
+    from .science.unit import TireWheelUnit
+
+__version__ = "0.1.0"
+__all__ = ["Response", "TireWheelUnit", "floquet", "ring", "simulate", "wheel"]
+
+_HOMES = {
+    "TireWheelUnit": ".science.unit",
+    "Response": ".estimator.simulate",
+    "simulate": ".estimator.simulate",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name in _HOMES:
+        value = getattr(import_module(_HOMES[name], __name__), name)
+    elif name in __all__:
+        value = import_module(f".science.{name}", __name__)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,1 @@
+"""The science storey: pure functions on arrays. No clock, no ROS."""

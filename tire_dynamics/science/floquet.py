@@ -1,0 +1,387 @@
+"""Floquet stability of linear systems z' = A(t) z with A(t + T) = A(t).
+
+The verdict is (5.4) of Huang & Hsu (1992): asymptotically stable if every multiplier has modulus below one;
+marginally stable if the largest modulus is one and every multiplier of modulus one has as many eigenvectors
+as its multiplicity; unstable otherwise. Rounding destroys both conditions as they stand: no computed modulus
+is exactly one, and a double multiplier that lacks an eigenvector, disturbed by eps, becomes two simple ones
+sqrt(eps) apart. The verdict is therefore taken from what is well conditioned (Stewart & Sun, *Matrix
+Perturbation Theory*, 1990, ch. V):
+
+1. What is known is a matrix and a bound E on its error, in balanced coordinates, so that neither depends on
+   the units of the states.
+2. A Schur form ordered to begin with a set of m multipliers begins with their own m x m block B, known to
+   e = ||P|| E, P being the spectral projector of the set (LAPACK's trsen returns 1/||P||). Their mean is
+   known to the same e, however far the members scatter.
+3. All multipliers start as one set. A set is cut at its widest gap if the gap is more than 4 (e_1 + e_2) of
+   its two parts. The m multipliers into which E splits one of multiplicity m, in a single Jordan chain, lie
+   on a circle at gaps of at most m sin(pi/m) < pi times e_1 + e_2, so these are not cut; nor are multipliers
+   with all their eigenvectors, which E moves by E; and multipliers that E cannot have parted are.
+4. R = B - mean I of a set that is one multiplier is nilpotent, R^k = 0 for a k <= m, and has all eigenvectors
+   exactly if k = 1. Being known to 2 e (e from B, e from the mean), it shows
+   ||R^k|| <= 2 e k (||R|| + 2 e)^(k - 1). The smallest k for which this holds is taken; if there is none, the
+   set is not one multiplier and is cut after all. For k = 1 this compares ||R|| with its own error; where an
+   eigenvector is missing, ||R|| is the coupling in the Jordan chain, which does not shrink with E, so the
+   two cases lie some ten decades apart.
+5. The mean says whether a set lies inside, outside or, within e, on the circle; k whether it may lie there.
+
+The same rule reads exponents, with the imaginary axis in place of the circle.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg
+from scipy.linalg import lapack
+
+__all__ = ["FloquetResult", "Verdict", "analyze", "analyze_constant"]
+
+Verdict = Literal["asymptotically stable", "marginally stable", "unstable"]
+Matrix = NDArray[Any]  # float64 or complex128
+ComplexArray = NDArray[np.complex128]
+StateMatrix = Callable[[float], ArrayLike]
+
+EPSILON = float(np.finfo(np.float64).eps)
+TINY = float(np.finfo(np.float64).tiny)
+LOG_MAX = math.log(np.finfo(np.float64).max)
+MOST_CELLS = 2**15  # some seconds of work; 10^5 radians of the fastest motion in one period
+SHORTEST_CELL = 2.0**-44  # over the period; below it the rounding of t shows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FloquetResult:
+    """Floquet multipliers and exponents of a linear system, and what they say about its stability.
+
+    Attributes
+    ----------
+    multipliers : ndarray of complex, shape (n,), or None
+        By descending modulus, then descending imaginary part of the exponent. None where there is no period.
+    exponents : ndarray of complex, shape (n,)
+        [1/s], in the same order; exp(exponents * period) = multipliers.
+    spectral_radius : float or None
+        Largest modulus of the multipliers.
+    error_estimate : float
+        Bound on the absolute error of each multiplier; of each exponent [1/s] where there is no period. If a
+        double multiplier lacks an eigenvector, of the order of the square root of the matrix's error.
+    verdict : {"asymptotically stable", "marginally stable", "unstable"}
+        By (5.4), as the module's notes say: as sharp as the clusters' means, not as single multipliers.
+    period : float or None
+        [s]; None for a constant system judged by its exponents alone.
+    """
+
+    multipliers: ComplexArray | None
+    exponents: ComplexArray
+    spectral_radius: float | None
+    error_estimate: float
+    verdict: Verdict
+    period: float | None
+
+
+def analyze(state_matrix: StateMatrix | ArrayLike, period: float, rtol: float = 1e-10) -> FloquetResult:
+    """Floquet multipliers, exponents and stability of z' = A(t) z.
+
+    Parameters
+    ----------
+    state_matrix : callable t -> (n, n) array_like, real or complex, or one such array
+        A(t) [1/s] for 0 < t < period, piecewise smooth. An array goes to `analyze_constant`.
+    period : float
+        T [s], positive.
+    rtol : float
+        Relative accuracy asked of the propagators, 1e-14 to 1e-2; ``error_estimate`` says what was reached.
+
+    Returns
+    -------
+    FloquetResult
+        Imaginary parts of exponents lie in (-pi/T, pi/T]. The exponent of a multiplier that is smaller than
+        ``error_estimate`` is not resolved.
+
+    Raises
+    ------
+    ValueError
+        An argument is out of its bounds, or A(t) is not finite, not square or changes its size.
+    ArithmeticError
+        A(t) is too large or too irregular to be integrated, or the solution overflows.
+
+    Notes
+    -----
+    The monodromy matrix is a product of propagators over cells of the period, each from Lobatto collocation
+    with eight nodes (order 14, A-stable), which is linear in the state, so that units do not matter. A cell
+    is halved until its propagator agrees with the product over its halves, which is then used.
+
+    The disagreement bounds the error if it falls by 2^15 per halving, as it does where A is smooth. At a jump
+    of A it falls by 2 on average, and a small one may be luck: once it has fallen by less than 2^10, it is
+    taken together with the parent's, fourfold, which covers singularities up to t^(-1/2). A node at each end
+    of the cell sees to it that no jump hides there. The disagreements, and rounding, are carried to the end
+    of the period by the norms of the products before and after the cell; their sum bounds the error.
+    """
+    if not 1e-14 <= rtol <= 1e-2:
+        raise ValueError(f"rtol is {rtol!r}; it must be between 1e-14 and 1e-2")
+    _check_period(period)
+    if not callable(state_matrix):
+        return analyze_constant(state_matrix, period)
+    evaluate, rate = _balanced(state_matrix, period)
+    monodromy, log_norm, error = _monodromy(evaluate, rate, period, rtol)
+    if log_norm > LOG_MAX:
+        raise ArithmeticError(f"the solution grows by exp({log_norm:.4g}) in a period; it overflows")
+    clusters = _clusters(monodromy, error)
+    circle = math.exp(min(-log_norm, LOG_MAX))
+    values = np.linalg.eigvals(monodromy).astype(np.complex128)
+    # a multiplier of zero has no exponent; the smallest normal number stands in for it
+    exponents = (np.log(values + TINY * (values == 0.0)) + log_norm) / period
+    return _result(
+        values * math.exp(log_norm),
+        exponents,
+        max(cluster.radius for cluster in clusters) * math.exp(log_norm),
+        _verdict([(abs(cluster.mean) - circle, cluster) for cluster in clusters]),
+        period,
+    )
+
+
+def analyze_constant(matrix: ArrayLike, period: float | None = None) -> FloquetResult:
+    """The same for constant A, in closed form: the exponents are its eigenvalues, multipliers exp(lambda T).
+
+    Serves every system that a periodic change of coordinates (Lyapunov, Coleman) makes constant.
+
+    Parameters
+    ----------
+    matrix : array_like, shape (n, n)
+        A [1/s], real or complex, taken as exact but for rounding.
+    period : float, optional
+        T [s], positive. Without it there are no multipliers.
+
+    Returns
+    -------
+    FloquetResult
+        The verdict is read from the exponents in either case: exp(A T) has the eigenvectors of A.
+
+    Raises
+    ------
+    ValueError
+        The matrix is not finite or not square, or the period not positive.
+    ArithmeticError
+        A multiplier overflows.
+    """
+    A = _square(matrix, "matrix")
+    A = linalg.matrix_balance(A, permute=False)[0]
+    clusters = _clusters(A, 10.0 * len(A) * EPSILON * float(np.linalg.norm(A, 2)))
+    verdict = _verdict([(cluster.mean.real, cluster) for cluster in clusters])
+    exponents = np.linalg.eigvals(A).astype(np.complex128)
+    if period is None:
+        return _result(None, exponents, max(cluster.radius for cluster in clusters), verdict, None)
+    _check_period(period)
+    growth = float(exponents.real.max()) * period
+    if growth > LOG_MAX:
+        raise ArithmeticError(f"the solution grows by exp({growth:.4g}) in a period; it overflows")
+    # |exp(a T) - exp(b T)| <= min(|a - b| T, 2) times the larger of their moduli
+    errors = [
+        min(c.radius * period, 2.0) * math.exp(min((c.mean.real + c.radius) * period, LOG_MAX - 1.0))
+        for c in clusters
+    ]
+    return _result(np.exp(exponents * period), exponents, max(errors), verdict, period)
+
+
+def _result(
+    multipliers: ComplexArray | None,
+    exponents: ComplexArray,
+    error: float,
+    verdict: Verdict,
+    period: float | None,
+) -> FloquetResult:
+    order = np.lexsort((-exponents.imag, -exponents.real))
+    if multipliers is None:
+        return FloquetResult(None, exponents[order], None, error, verdict, None)
+    radius = float(np.abs(multipliers).max())
+    return FloquetResult(multipliers[order], exponents[order], radius, error, verdict, period)
+
+
+class _Cluster(NamedTuple):
+    """Eigenvalues taken for one: mean, bounds on its error and on any member's, lack of eigenvectors."""
+
+    mean: complex
+    mean_error: float
+    radius: float
+    defective: bool
+
+
+def _verdict(clusters: list[tuple[float, _Cluster]]) -> Verdict:
+    """(5.4) from every cluster and how far its mean lies beyond the boundary of stability."""
+    on_boundary = [cluster for beyond, cluster in clusters if abs(beyond) <= cluster.mean_error]
+    outside = any(beyond > cluster.mean_error for beyond, cluster in clusters)
+    if outside or any(cluster.defective for cluster in on_boundary):
+        return "unstable"
+    return "marginally stable" if on_boundary else "asymptotically stable"
+
+
+def _clusters(matrix: Matrix, error: float) -> list[_Cluster]:
+    """Steps 2 to 4 of the module's notes, for a matrix whose 2-norm error is at most ``error``."""
+    form, vectors = linalg.schur(matrix, output="complex")
+    values = np.diag(form)
+    n = len(values)
+
+    def block(members: list[int]) -> tuple[ComplexArray, float]:
+        first = np.isin(np.arange(n), members)
+        ordered, _, _, _, inverse_norm, _, _ = lapack.ztrsen(first, form, vectors, job="E", lwork=n * n)
+        return ordered[: len(members), : len(members)], error / max(inverse_norm, EPSILON)
+
+    clusters = []
+    undecided = [(list(range(n)), *block(list(range(n))))]
+    while undecided:
+        members, B, e = undecided.pop()
+        m = len(members)
+        parts, gap = _cut_at_widest_gap(members, values)
+        blocks = [(part, *block(part)) for part in parts if part and m > 1]
+        if gap > 4.0 * sum(part_error for _, _, part_error in blocks):
+            undecided += blocks
+            continue
+        mean = complex(np.trace(B)) / m
+        R = B - mean * np.eye(m)
+        size = float(np.linalg.norm(R, 2))
+        power = np.eye(m)
+        for k in range(1, m + 1):
+            power = power @ R
+            rest, bound = float(np.linalg.norm(power, 2)), 2.0 * e * k * (size + 2.0 * e) ** (k - 1)
+            if rest <= bound:
+                # the true R^k is at most rest + bound, and no eigenvalue of R exceeds its k-th root
+                radius = e + (rest + bound) ** (1.0 / k) + float(np.abs(np.diag(R)).max())
+                clusters.append(_Cluster(mean, e, radius, k > 1))
+                break
+        else:
+            undecided += blocks
+    return clusters
+
+
+def _cut_at_widest_gap(members: list[int], values: ComplexArray) -> tuple[list[list[int]], float]:
+    """Two parts and their distance: the longest edge of the minimal spanning tree (Prim's) is cut."""
+    order, rest, gaps = members[:1], members[1:], [0.0]
+    nearest = np.full(len(rest), np.inf)
+    while rest:
+        nearest = np.minimum(nearest, np.abs(values[rest] - values[order[-1]]))
+        closest = int(nearest.argmin())
+        gaps.append(float(nearest[closest]))
+        order.append(rest.pop(closest))
+        nearest = np.delete(nearest, closest)
+    cut = int(np.argmax(gaps))
+    # Prim's tree has all of one side before it takes the longest edge.
+    return [order[:cut], order[cut:]], gaps[cut]
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is not accepted
+def _monodromy(
+    evaluate: Callable[[float], Matrix], rate: float, period: float, rtol: float
+) -> tuple[Matrix, float, float]:
+    """The monodromy matrix over its 2-norm, the norm's logarithm, a bound on the error of the former."""
+    if not rate * period <= 4 * MOST_CELLS:
+        raise ArithmeticError(f"|A| T is {rate * period:.4g}; up to {4 * MOST_CELLS} can be integrated")
+    count = max(8, math.ceil(rate * period / 4.0))
+    width = period / count
+    shortest, edge = SHORTEST_CELL * period, EPSILON * period
+    cells = []  # start, width, propagator, the parent's disagreement, smooth so far; the earliest comes last
+    for k in reversed(range(count)):
+        cells.append((k * width, width, _propagator(evaluate, k * width, width, edge), math.inf, True))
+    steps: list[Matrix] = []
+    errors = []
+    while cells:
+        start, width, coarse, parent_gap, smooth = cells.pop()
+        width *= 0.5
+        halves = [_propagator(evaluate, t, width, edge) for t in (start, start + width)]
+        fine = halves[1] @ halves[0]
+        size = float(np.linalg.norm(fine))
+        gap = float(np.linalg.norm(fine - coarse))
+        smooth = smooth and 2.0**10 * gap <= parent_gap
+        estimate = gap if smooth else 4.0 * max(gap, parent_gap)
+        rounding = 10.0 * len(fine) * EPSILON
+        tolerance = max(rtol * max(width / period, 2.0**-10), rounding) * size
+        if estimate <= tolerance or (width < shortest and math.isfinite(estimate)):
+            steps.append(fine)
+            errors.append(estimate + rounding * size)
+        else:
+            cells.append((start + width, width, halves[1], gap, smooth))
+            cells.append((start, width, halves[0], gap, smooth))
+        if len(cells) + len(steps) > MOST_CELLS or width < 0.5 * shortest:
+            raise ArithmeticError(f"A(t) is too irregular or too large to be integrated at t = {start:.6g}")
+    monodromy, before = _products(steps)
+    _, after = _products([step.T for step in reversed(steps)])
+    error = float(np.exp(before[:-1] + after[-2::-1] - before[-1]) @ errors)
+    if not error < 0.1:
+        raise ArithmeticError(f"A(t) cannot be integrated: relative error {error:.2g}; it must be below 0.1")
+    return monodromy, float(before[-1]), error + 10.0 * len(monodromy) * EPSILON
+
+
+def _products(steps: list[Matrix]) -> tuple[Matrix, NDArray[np.float64]]:
+    """The product of all steps over its 2-norm; logarithms of the norms of the first 0, 1, ... steps'."""
+    product: Matrix = np.eye(len(steps[0]))
+    logarithms = [0.0]
+    for step in steps:
+        product = step @ product
+        norm = float(np.linalg.norm(product, 2))
+        product = product / norm
+        logarithms.append(logarithms[-1] + math.log(norm))
+    return product, np.array(logarithms)
+
+
+def _lobatto(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Nodes c_i on [0, 1], both ends included, and a_ij = int_0^{c_i} l_j, whose last row has the weights."""
+    inner = np.sort(legendre.Legendre.basis(count - 1).deriv().roots().real)
+    x = np.concatenate([[-1.0], inner, [1.0]])
+    lagrange = np.linalg.inv(legendre.legvander(x, count - 1))  # Legendre series of l_j in column j
+    return 0.5 + 0.5 * x, 0.5 * legendre.legvander(x, count) @ legendre.legint(lagrange, lbnd=-1)
+
+
+# Seven implicit stages, an odd number: a cell far too long gives -1 where its halves give (-1)^2, and is cut.
+_NODES, _COEFFICIENTS = _lobatto(8)
+
+
+def _propagator(evaluate: Callable[[float], Matrix], start: float, width: float, edge: float) -> Matrix:
+    """The matrix that takes z(start) to z(start + width): slopes K_i = A_i (1 + width sum_j a_ij K_j)."""
+    # A jump on the border of two cells belongs to neither: the outer nodes move in by the rounding of t.
+    times = np.clip(start + width * _NODES, start + edge, start + width - edge)
+    A = np.stack([evaluate(float(t)) for t in times])
+    a = width * _COEFFICIENTS
+    s, n = len(A) - 1, A.shape[1]
+    implicit = np.eye(s * n) - np.einsum("ij,ikl->ikjl", a[1:, 1:], A[1:]).reshape(s * n, s * n)
+    explicit = A[1:] + a[1:, 0, None, None] * (A[1:] @ A[0])  # a_0j = 0, hence K_0 = A_0
+    slopes = np.linalg.solve(implicit, explicit.reshape(s * n, n)).reshape(s, n, n)
+    propagator: Matrix = np.eye(n) + a[-1, 0] * A[0] + np.tensordot(a[-1, 1:], slopes, 1)
+    return propagator
+
+
+def _balanced(state_matrix: StateMatrix, period: float) -> tuple[Callable[[float], Matrix], float]:
+    """A(t) with its states scaled to bring rows and columns to one size, and a bound on its rates [1/s]."""
+    times = [period * (k + 0.5) / 32 for k in range(32)]
+    n = len(_square(state_matrix(times[0]), f"state_matrix({times[0]:.6g})"))
+    samples = [_square(state_matrix(t), f"state_matrix({t:.6g})", n) for t in times]
+    largest = np.max(np.abs(samples), axis=0)
+    _, (scale, _) = linalg.matrix_balance(largest, permute=False, separate=True)
+    factors = scale / scale[:, None]  # powers of two: no rounding
+    norm = max(float(np.linalg.norm(A * factors, 2)) for A in samples)
+    # Perron's root bounds the spectral radius too, and is not misled by a coupling in one direction only.
+    perron = float(np.abs(np.linalg.eigvals(largest * factors)).max())
+
+    def evaluate(t: float) -> Matrix:
+        scaled: Matrix = _square(state_matrix(t), f"state_matrix({t:.6g})", n) * factors
+        return scaled
+
+    return evaluate, min(norm, perron)
+
+
+def _square(values: ArrayLike, name: str, size: int | None = None) -> Matrix:
+    A = np.asarray(values)
+    if A.ndim != 2 or A.shape[0] != A.shape[1] or not A.size:
+        raise ValueError(f"{name} has shape {A.shape}; it must be square, (n, n) with n >= 1")
+    if size is not None and len(A) != size:
+        raise ValueError(f"{name} has shape {A.shape}; it must be ({size}, {size}) at all times")
+    A = A.astype(np.complex128 if np.iscomplexobj(A) else np.float64)
+    if not np.isfinite(A).all():
+        raise ValueError(f"{name} is not finite; every element must be")
+    return A
+
+
+def _check_period(period: float) -> None:
+    if not (math.isfinite(period) and period > 0.0):
+        raise ValueError(f"period is {period!r}; it must be positive and finite")

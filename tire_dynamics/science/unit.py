@@ -1,0 +1,177 @@
+"""The parameters of one tire-wheel-suspension unit."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from numbers import Real
+from os import PathLike
+from typing import Any, Final, Literal
+
+from .yaml_file import read_yaml, yaml_number
+
+__all__ = ["MODAL", "REACTION", "TireWheelUnit"]
+
+MODAL: Final = "modal"
+REACTION: Final = "reaction"
+
+
+@dataclass(frozen=True)
+class TireWheelUnit:
+    """A thin rotating ring on an elastic sidewall, its wheel and its suspension (Huang & Hsu 1992).
+
+    Every field is validated on construction; a bad one raises ``ValueError`` with the field's name, its
+    value and its bound.
+
+    Parameters
+    ----------
+    density : float
+        Density of the ring, rho [kg/m^3].
+    bending_stiffness : float
+        Bending stiffness of the ring, D = E h^3 / 12 (1 - nu^2) [N m].
+    membrane_stiffness : float
+        Membrane stiffness of the ring, K = E h / (1 - nu^2) [N/m].
+    radius, width, thickness : float
+        Mean radius a, width b and thickness h of the ring [m]; h < a (thin ring).
+    radial_stiffness, tangential_stiffness : float
+        Sidewall stiffness per belt area, k_z and k_theta [N/m^3].
+    inflation_pressure : float
+        Inflation pressure p_0 [Pa].
+    wheel_mass : float
+        Mass of the wheel that moves with the axle, M [kg].
+    suspension_stiffness : float
+        Suspension stiffness k_s [N/m].
+    zeta_1, zeta_s, zeta_n : float
+        Damping ratios in [0, 1): of the n = 1 mode, of the suspension, and of every other mode.
+    sidewall_damping : {"modal", "reaction"}
+        "modal" is the paper's: damping of the ring's motion as seen from the rotating axes, with no reaction
+        on the wheel. "reaction" puts the dashpots beside the sidewall springs, between belt and wheel.
+
+    Notes
+    -----
+    Damping: lambda_n/(rho h) = 2 zeta_n omega_n, omega_n the frequency of mode n at rest with the wheel held.
+    """
+
+    density: float
+    bending_stiffness: float
+    membrane_stiffness: float
+    radius: float
+    width: float
+    thickness: float
+    radial_stiffness: float
+    tangential_stiffness: float
+    inflation_pressure: float
+    wheel_mass: float
+    suspension_stiffness: float
+    zeta_1: float = 0.05
+    zeta_s: float = 0.05
+    zeta_n: float = 0.02
+    sidewall_damping: Literal["modal", "reaction"] = MODAL
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if field.name == "sidewall_damping":
+                if value not in (MODAL, REACTION):
+                    raise ValueError(f"sidewall_damping is {value!r}; it must be 'modal' or 'reaction'")
+                continue
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise ValueError(f"{field.name} is {value!r}; it must be a number")
+            number = float(value)
+            if not math.isfinite(number):
+                raise ValueError(f"{field.name} is {number!r}; it must be finite")
+            if field.name.startswith("zeta_"):
+                if not 0.0 <= number < 1.0:
+                    raise ValueError(f"{field.name} is {number!r}; a damping ratio must be in [0, 1)")
+            elif number <= 0.0:
+                raise ValueError(f"{field.name} is {number!r}; it must be > 0")
+            object.__setattr__(self, field.name, number)
+        if self.thickness >= self.radius:
+            raise ValueError(f"thickness is {self.thickness!r}; a thin ring needs thickness < radius = {self.radius!r}")
+
+    # -- derived quantities ---------------------------------------------------------------------------------
+
+    @property
+    def surface_density(self) -> float:
+        """Mass of the ring per belt area, rho h [kg/m^2]."""
+        return self.density * self.thickness
+
+    @property
+    def ring_mass(self) -> float:
+        """Mass of the ring, m = 2 pi a b rho h [kg]."""
+        return 2.0 * math.pi * self.radius * self.width * self.surface_density
+
+    @property
+    def sidewall_stiffness(self) -> float:
+        """Stiffness between the rigid ring and the wheel, k_1 = pi a b (k_z + k_theta) [N/m]."""
+        return math.pi * self.radius * self.width * (self.radial_stiffness + self.tangential_stiffness)
+
+    @property
+    def rigid_mode_frequency(self) -> float:
+        """Frequency of the rigid ring on the sidewall, omega_1 = sqrt(k_1/m) [rad/s]."""
+        return math.sqrt(self.sidewall_stiffness / self.ring_mass)
+
+    @property
+    def suspension_damping(self) -> float:
+        """Damping of the suspension, c_s = 2 zeta_s sqrt(k_s (M + m)) [N s/m]."""
+        return 2.0 * self.zeta_s * math.sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
+
+    # -- making units ---------------------------------------------------------------------------------------
+
+    @classmethod
+    def table_1(cls, **changes: Any) -> TireWheelUnit:
+        """The tire of the paper's Table 1, with any fields changed: ``table_1(zeta_1=0.1)``."""
+        return cls(
+            density=1.59e3,
+            bending_stiffness=2.175e1,
+            membrane_stiffness=1.618e6,
+            radius=0.305,
+            width=0.152,
+            thickness=0.0127,
+            radial_stiffness=5.80e6,
+            tangential_stiffness=4.03e6,
+            inflation_pressure=2.07e5,
+            wheel_mass=8.78,
+            suspension_stiffness=3.60e4,
+        ).replace(**changes)
+
+    def replace(self, **changes: Any) -> TireWheelUnit:
+        """A copy with some fields changed, validated like a new unit."""
+        return type(self).from_mapping({**self.to_mapping(), **changes})
+
+    @classmethod
+    def from_mapping(cls, mapping: Mapping[str, Any]) -> TireWheelUnit:
+        """A unit from field names and values. A field that is unknown or missing raises ``ValueError``."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        for name in mapping:
+            if name not in names:
+                raise ValueError(f"{name!r} is not a field of TireWheelUnit; the fields are {', '.join(names)}")
+        for field in dataclasses.fields(cls):
+            if field.name not in mapping and field.default is dataclasses.MISSING:
+                raise ValueError(f"{field.name} is missing; it has no default")
+        return cls(**mapping)
+
+    @classmethod
+    def from_yaml(cls, path: str | PathLike[str]) -> TireWheelUnit:
+        """A unit from a YAML file of field names and values, such as ``config/table_1.yaml``.
+
+        Raises
+        ------
+        OSError
+            The file cannot be read.
+        ValueError
+            It is not such a mapping, or a field is unknown, missing or out of bounds.
+        """
+        return cls.from_mapping(read_yaml(path))
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Field names and values."""
+        return dataclasses.asdict(self)
+
+    def to_yaml(self, path: str | PathLike[str]) -> None:
+        """Write the fields so that :meth:`from_yaml` gives an equal unit."""
+        with open(path, "w", encoding="utf-8") as file:
+            for name, value in self.to_mapping().items():
+                file.write(f"{name}: {yaml_number(value) if isinstance(value, float) else value}\n")

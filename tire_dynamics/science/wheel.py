@@ -1,0 +1,382 @@
+"""The n = 1 mode of the ring and the wheel on its suspension: matrices, stability, transmissibility.
+
+Equation numbers are those of Huang & Hsu (1992). The ring-frame state is (5.1)
+
+    inextensional  z = [alpha', beta', y', alpha, beta, y]
+    complete       z = [alpha', beta', xi', eta', y', alpha, beta, xi, eta, y]
+
+and the fixed-frame state has the same shape, with each pair turned by phi = int Omega dt:
+X = alpha cos phi - beta sin phi, Y = alpha sin phi + beta cos phi, and likewise U, V from xi, eta.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import linalg, optimize
+
+from . import floquet
+from .floquet import FloquetResult
+from .ring import coefficients, mode_damping
+from .stepping import ExactStepper, solve_in_order
+from .unit import MODAL, TireWheelUnit
+
+__all__ = [
+    "FixedFrame",
+    "axle_force",
+    "critical_speed",
+    "equilibrium",
+    "fixed_frame",
+    "fixed_frame_matrix",
+    "rotation",
+    "stability",
+    "state_matrix",
+    "stepper",
+    "transmissibility",
+]
+
+Model = Literal["complete", "inextensional"]
+FloatArray = NDArray[np.float64]
+
+
+class FixedFrame(NamedTuple):
+    """The system in the fixed frame, z' = (constant + Omega spin) z + input [load, traction].
+
+    ``load`` is the vertical contact force, up positive, ``traction`` the horizontal one along x_ros [N].
+    The axle force [x_ros, z_ros] is (output + Omega output_spin) z [N].
+    """
+
+    constant: FloatArray
+    spin: FloatArray
+    input: FloatArray
+    output: FloatArray
+    output_spin: FloatArray
+
+
+@lru_cache(maxsize=256)
+def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFrame:
+    """The parts of the fixed-frame system, for the given model and the unit's ``sidewall_damping``.
+
+    Notes
+    -----
+    Complex amplitudes Z = X + i Y turn the rotation into z = Z exp(-i phi), hence z' -> Z' - i Omega Z. In
+    that frame the centrifugal, hoop-tension and Coriolis parts of A_1, B_1, C_1 cancel, so the stiffness does
+    not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
+    circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
+    """
+    if model == "inextensional":
+        return _inextensional(unit)
+    if model == "complete":
+        return _complete(unit)
+    raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+
+
+def _inextensional(unit: TireWheelUnit) -> FixedFrame:
+    m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
+    k_1 = unit.sidewall_stiffness
+    kappa = k_1 / m
+    d = 2.0 * unit.zeta_1 * unit.rigid_mode_frequency
+    c_1 = m * d  # the sidewall's damping as it acts between belt and wheel [N s/m]
+    constant, spin = np.zeros((6, 6)), np.zeros((6, 6))
+    output, output_spin = np.zeros((2, 6)), np.zeros((2, 6))
+    constant[3:, :3] = np.eye(3)
+    #                    X'    Y'    y'           X       Y       y
+    constant[0, :] = [  -d,   0.0,  0.0,      -kappa,    0.0,    0.0]  # fmt: skip
+    constant[1, :] = [ 0.0,    -d,  0.0,         0.0, -kappa,  kappa]  # fmt: skip
+    constant[2, :] = [ 0.0,   0.0, -c_s / M,     0.0, k_1 / M, -(k_1 + k_s) / M]  # fmt: skip
+    spin[0, 4], spin[1, 3] = -d, d
+    output[0, 3] = -k_1
+    output[1, [2, 5]] = [c_s, k_s]
+    if unit.sidewall_damping != MODAL:  # the dashpots see the wheel, and the wheel sees them
+        constant[1, 2] = d
+        constant[2, 1:3] = [c_1 / M, -(c_s + c_1) / M]
+        spin[0, 5], spin[2, 3] = d, -c_1 / M
+        output[0, 0] = -c_1
+        output_spin[0, [4, 5]] = [-c_1, c_1]
+    force = np.zeros((6, 2))
+    force[1, 0], force[0, 1] = 1.0 / m, -1.0 / m
+    return FixedFrame(constant, spin, force, output, output_spin)
+
+
+def _complete(unit: TireWheelUnit) -> FixedFrame:
+    M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
+    A, B, C, _ = (float(value) for value in coefficients(unit, 1))  # at rest: what the fixed frame keeps
+    area = math.pi * unit.radius * unit.width
+    half_mass = area * unit.surface_density
+    radial, tangential = unit.radial_stiffness, unit.tangential_stiffness
+    k_z, k_t = radial / unit.surface_density, tangential / unit.surface_density
+    d = float(mode_damping(unit, 1, "complete"))
+    c_1 = half_mass * d
+    constant, spin = np.zeros((10, 10)), np.zeros((10, 10))
+    output, output_spin = np.zeros((2, 10)), np.zeros((2, 10))
+    constant[5:, :5] = np.eye(5)
+    #                    X'    Y'    U'    V'    y'          X    Y    U    V    y
+    constant[0, :] = [  -d,  0.0,  0.0,  0.0,  0.0,         -B, 0.0, 0.0,  -A, 0.0]  # fmt: skip
+    constant[1, :] = [ 0.0,   -d,  0.0,  0.0,  0.0,        0.0,  -B,   A, 0.0, k_z]  # fmt: skip
+    constant[2, :] = [ 0.0,  0.0,   -d,  0.0,  0.0,        0.0,   A,  -C, 0.0, k_t]  # fmt: skip
+    constant[3, :] = [ 0.0,  0.0,  0.0,   -d,  0.0,         -A, 0.0, 0.0,  -C, 0.0]  # fmt: skip
+    constant[4, :] = [ 0.0,  0.0,  0.0,  0.0, -c_s / M,    0.0, area * radial / M, area * tangential / M, 0.0,
+                      -(area * (radial + tangential) + k_s) / M]  # fmt: skip
+    spin[0, :4] = [0.0, -2.0, 2.0, 0.0]
+    spin[1, :4] = [2.0, 0.0, 0.0, 2.0]
+    spin[2, :4] = [-2.0, 0.0, 0.0, -2.0]
+    spin[3, :4] = [0.0, -2.0, 2.0, 0.0]
+    spin[0, 6], spin[1, 5], spin[2, 8], spin[3, 7] = -d, d, -d, d
+    output[0, [5, 8]] = [-area * radial, area * tangential]
+    output[1, [4, 9]] = [c_s, k_s]
+    if unit.sidewall_damping != MODAL:
+        constant[1, 4], constant[2, 4] = d, d
+        constant[4, [1, 2, 4]] = [c_1 / M, c_1 / M, -(c_s + 2.0 * c_1) / M]
+        spin[0, 9], spin[3, 9] = d, -d
+        spin[4, [5, 8]] = [-c_1 / M, c_1 / M]
+        output[0, [0, 3]] = [-c_1, c_1]
+        output_spin[0, [6, 7, 9]] = [-c_1, -c_1, 2.0 * c_1]
+    force = np.zeros((10, 2))
+    force[1, 0], force[3, 1] = 1.0 / half_mass, 1.0 / half_mass
+    return FixedFrame(constant, spin, force, output, output_spin)
+
+
+@lru_cache(maxsize=256)
+def stepper(unit: TireWheelUnit, model: Model = "inextensional") -> ExactStepper:
+    """The exact stepper of the fixed-frame system, inputs [load, traction]."""
+    system = fixed_frame(unit, model)
+    half = len(system.constant) // 2
+    scale = np.repeat([1.0, 1.0 / _stiffest(system.constant)], half)
+    return ExactStepper([system.constant, system.spin], system.input, scale)
+
+
+def equilibrium(
+    unit: TireWheelUnit, speed: float, load: float, traction: float = 0.0, model: Model = "inextensional"
+) -> FloatArray:
+    """The fixed-frame state, shape (6,) or (10,), in which a constant load at constant speed leaves the unit."""
+    system = fixed_frame(unit, model)
+    half = len(system.constant) // 2
+    stiffness = system.constant[:half, half:] + speed * system.spin[:half, half:]
+    force = system.input[:half, 0] * load + system.input[:half, 1] * traction
+    return np.concatenate([np.zeros(half), solve_in_order(-stiffness, force)])
+
+
+def axle_force(unit: TireWheelUnit, speed: float, state: FloatArray, model: Model = "inextensional") -> FloatArray:
+    """Force on the axle [x, z], REP 103 axes [N], in a fixed-frame state: x on the held wheel, z on the suspension."""
+    system = fixed_frame(unit, model)
+    force: FloatArray = np.add.reduce((system.output + speed * system.output_spin).T * state[:, None], axis=0)
+    return force
+
+
+def fixed_frame_matrix(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloatArray:
+    """The constant state matrix seen from the fixed frame.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : float
+        Spin Omega [rad/s], either sign.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    ndarray, shape (6, 6) or (10, 10)
+        F of z' = F z with z = [X', Y', y', X, Y, y], or [X', Y', U', V', y', X, Y, U, V, y].
+    """
+    _check_speed(speed)
+    system = fixed_frame(unit, model)
+    return system.constant + speed * system.spin
+
+
+def state_matrix(unit: TireWheelUnit, speed: float, time: float, model: Model = "inextensional") -> FloatArray:
+    """The periodic state matrix A(t) seen from the rotating ring, (3.13) or (3.4), phi = Omega t.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : float
+        Spin Omega [rad/s], either sign; the period is 2 pi/abs(Omega).
+    time : float
+        Time [s].
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    ndarray, shape (6, 6) or (10, 10)
+    """
+    _check_speed(speed)
+    if not math.isfinite(time):
+        raise ValueError(f"time is {time!r}; it must be finite")
+    s, c = math.sin(speed * time), math.cos(speed * time)
+    if model == "inextensional":
+        return _periodic_inextensional(unit, speed, s, c)
+    if model == "complete":
+        return _periodic_complete(unit, speed, s, c)
+    raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+
+
+def _periodic_inextensional(unit: TireWheelUnit, W: float, s: float, c: float) -> FloatArray:
+    m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
+    k_1 = unit.sidewall_stiffness
+    kappa = k_1 / m
+    d = 2.0 * unit.zeta_1 * unit.rigid_mode_frequency
+    stiff = kappa - W * W
+    A = np.zeros((6, 6))
+    A[3:, :3] = np.eye(3)
+    #            alpha'   beta'      y'       alpha        beta         y
+    A[0, :] = [     -d, 2.0 * W,    0.0,     -stiff,        0.0,  kappa * s]  # fmt: skip
+    A[1, :] = [-2.0 * W,     -d,    0.0,        0.0,     -stiff,  kappa * c]  # fmt: skip
+    A[2, :] = [    0.0,     0.0, -c_s / M, k_1 * s / M, k_1 * c / M, -(k_1 + k_s) / M]  # fmt: skip
+    if unit.sidewall_damping != MODAL:  # d acts on (alpha - y s, beta - y c)'
+        A[0, [2, 5]] += [d * s, d * W * c]
+        A[1, [2, 5]] += [d * c, -d * W * s]
+        A[2, :3] += [m * d * s / M, m * d * c / M, -m * d / M]
+    return A
+
+
+def _periodic_complete(unit: TireWheelUnit, W: float, s: float, c: float) -> FloatArray:
+    M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
+    A_1, B_1, C_1, _ = (float(value) for value in coefficients(unit, 1, W))
+    rho_h = unit.surface_density
+    g = math.pi * unit.radius * unit.width / M
+    k_z, k_t = unit.radial_stiffness, unit.tangential_stiffness
+    d = float(mode_damping(unit, 1, "complete"))
+    damping = np.diag([d, d, d, d, c_s / M])
+    damping[[0, 1], [2, 3]] = -2.0 * W
+    damping[[2, 3], [0, 1]] = 2.0 * W
+    stiffness = np.diag([B_1, B_1, C_1, C_1, g * (k_z + k_t) + k_s / M])
+    stiffness[0, 3] = stiffness[3, 0] = A_1
+    stiffness[1, 2] = stiffness[2, 1] = -A_1
+    coupling = np.array([-k_z * s, -k_z * c, -k_t * c, k_t * s])
+    stiffness[:4, 4] = coupling / rho_h
+    stiffness[4, :4] = g * coupling
+    if unit.sidewall_damping != MODAL:  # d acts on (alpha - y s, beta - y c, xi - y c, eta + y s)'
+        direction = np.array([s, c, c, -s])
+        damping[:4, 4] -= d * direction
+        stiffness[:4, 4] -= d * W * np.array([c, -s, -s, -c])
+        damping[4, :4] -= g * rho_h * d * direction
+        damping[4, 4] += 2.0 * g * rho_h * d
+    A = np.zeros((10, 10))
+    A[5:, :5] = np.eye(5)
+    A[:5, :5], A[:5, 5:] = -damping, -stiffness
+    return A
+
+
+def rotation(phase: float, speed: float, model: Model = "inextensional") -> FloatArray:
+    """The matrix that takes a fixed-frame state to the ring-frame state at phi = phase, spin Omega = speed.
+
+    Notes
+    -----
+    r = R(-phi) R_fixed and r' = R(-phi) (R_fixed' - Omega J R_fixed), J = [[0, -1], [1, 0]], for each pair.
+    """
+    s, c = math.sin(phase), math.cos(phase)
+    turn = np.array([[c, s], [-s, c]])
+    pairs = 1 if model == "inextensional" else 2
+    half = 2 * pairs + 1
+    T = np.zeros((2 * half, 2 * half))
+    for first in range(0, 2 * pairs, 2):
+        pair = slice(first, first + 2)
+        shifted = slice(half + first, half + first + 2)
+        T[pair, pair] = T[shifted, shifted] = turn
+        T[pair, shifted] = -speed * turn @ np.array([[0.0, -1.0], [1.0, 0.0]])
+    T[half - 1, half - 1] = T[-1, -1] = 1.0
+    return T
+
+
+def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloquetResult:
+    """Floquet stability at a constant speed, in closed form.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : float
+        Spin Omega [rad/s], either sign. At standstill there is no period; the verdict comes from the exponents.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    FloquetResult
+        multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega).
+    """
+    F = fixed_frame_matrix(unit, speed, model)
+    return floquet.analyze_constant(F, 2.0 * math.pi / abs(speed) if speed else None)
+
+
+@lru_cache(maxsize=256)
+def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
+    """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
+
+    Notes
+    -----
+    F(Omega) = F_0 + Omega F_1 can only change its stability where two of its eigenvalues add up to zero, and
+    then the Kronecker sum F (x) I + I (x) F is singular: all such speeds are the real eigenvalues of one
+    matrix pencil, so none is missed. Between two of them the verdict cannot change; it is read in the middle
+    of each interval, and the crossing is then refined on the spectral abscissa.
+    """
+    system = fixed_frame(unit, model)
+    F_0, F_1 = system.constant, system.spin
+    if not F_1.any():
+        return None
+    one = np.eye(F_0.shape[0])
+    scale = _balance(F_0)
+    F_0, F_1 = F_0 * scale, F_1 * scale
+    with np.errstate(divide="ignore", invalid="ignore"):
+        pencil = np.kron(F_0, one) + np.kron(one, F_0), -np.kron(F_1, one) - np.kron(one, F_1)
+        roots = np.asarray(linalg.eigvals(*pencil), dtype=np.complex128)
+    size = float(np.abs(F_0).max())
+    roots = roots[np.abs(roots) < 1e8 * size]  # the pencil's infinite eigenvalues, which rounding makes finite
+    nearly_real = np.abs(roots.imag) <= 1e-6 * np.abs(roots)  # rounding may split a double root
+    candidates = np.unique(roots[nearly_real & (roots.real > 0.0)].real)
+
+    def abscissa(speed: float) -> float:
+        return float(np.linalg.eigvals(F_0 + speed * F_1).real.max())
+
+    noise = 1e-12 * size  # an undamped unit stays on the axis, but for rounding
+    edges = np.concatenate([[0.0], candidates, [2.0 * candidates[-1]]]) if candidates.size else np.zeros(1)
+    middles = 0.5 * (edges[:-1] + edges[1:])
+    for before, after in zip(middles[:-1], middles[1:], strict=True):
+        if abscissa(before) <= noise < abscissa(after):
+            return float(optimize.brentq(lambda speed: abscissa(speed) - noise, before, after, xtol=1e-6))
+    return None
+
+
+def _balance(F: FloatArray) -> FloatArray:
+    """Factors S_i^-1 S_j that bring velocities and displacements to one scale, for a matrix like F."""
+    size = np.repeat([1.0, _stiffest(F)], len(F) // 2)  # velocities as they are, displacements times omega
+    return np.outer(size, 1.0 / size)
+
+
+def _stiffest(F: FloatArray) -> float:
+    """The highest frequency there can be, about: the root of the largest stiffness over mass [rad/s]."""
+    half = len(F) // 2
+    return math.sqrt(float(np.abs(F[:half, half:]).max()))
+
+
+def transmissibility(unit: TireWheelUnit, speed: ArrayLike) -> float | FloatArray:
+    """Steady force on the suspension over a constant load, K = F'/F, of the inextensional model.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : array_like
+        Spin Omega [rad/s].
+
+    Returns
+    -------
+    float, or ndarray of the shape of speed
+        1/(1 + (2 zeta_1 Omega/omega_1)^2 (k_1 + k_s)/k_s) for modal damping; 1 for damping with a reaction,
+        whose dashpots cannot carry a constant force to anywhere but the wheel.
+    """
+    omega = np.asarray(speed, dtype=np.float64)
+    if not np.isfinite(omega).all():
+        raise ValueError(f"speed is {speed!r}; it must be finite")
+    if unit.sidewall_damping == MODAL:
+        ratio = 2.0 * unit.zeta_1 * omega / unit.rigid_mode_frequency
+        K = 1.0 / (1.0 + ratio * ratio * (unit.sidewall_stiffness / unit.suspension_stiffness + 1.0))
+    else:
+        K = np.ones_like(omega)
+    return float(K) if K.ndim == 0 else K
+
+
+def _check_speed(speed: float) -> None:
+    if not math.isfinite(speed):
+        raise ValueError(f"speed is {speed!r}; it must be finite")

@@ -1,0 +1,63 @@
+"""YAML files of parameters, read strictly."""
+
+from __future__ import annotations
+
+import re
+from os import PathLike
+from typing import Any
+
+import yaml
+
+__all__ = ["read_yaml", "yaml_number"]
+
+
+def read_yaml(path: str | PathLike[str]) -> dict[str, Any]:
+    """The mapping in a YAML file, with numbers like ``5.80e6`` read as numbers and no key given twice.
+
+    YAML 1.1, which PyYAML follows, takes a number without a signed exponent or a dot for text, and keeps the
+    last of two equal keys; both would change a tire without a word.
+    """
+    with open(path, encoding="utf-8") as file:
+        try:
+            content = yaml.load(file, Loader=_Loader)
+        except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+            raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(content, dict):
+        raise ValueError(f"{path} holds no mapping of names to values")
+    return content
+
+
+def yaml_number(value: float) -> str:
+    """A float as YAML 1.1 and 1.2 both read it back, exactly."""
+    text = repr(value)
+    if "e" in text:  # YAML 1.1 wants a dot and a signed exponent
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa if '.' in mantissa else mantissa + '.0'}e{int(exponent):+03d}"
+    return text
+
+
+class _Loader(yaml.SafeLoader):
+    pass
+
+
+def _construct_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
+    mapping: dict[Any, Any] = {}
+    for key_node, value_node in node.value:
+        key = loader.construct_object(key_node, deep=True)
+        if isinstance(key, (dict, list)):
+            raise yaml.constructor.ConstructorError(None, None, "a key must be a name", key_node.start_mark)
+        if key in mapping:
+            raise yaml.constructor.ConstructorError(None, None, f"{key!r} is given twice", key_node.start_mark)
+        mapping[key] = loader.construct_object(value_node, deep=True)
+    return mapping
+
+
+def _construct_number(loader: _Loader, node: yaml.ScalarNode) -> float:
+    return float(loader.construct_scalar(node))
+
+
+_Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _construct_mapping)
+_NUMBER_TAG = "tag:yaml.org,2002:number"
+_Loader.add_constructor(_NUMBER_TAG, _construct_number)
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
+_Loader.add_implicit_resolver(_NUMBER_TAG, _NUMBER, list("-+.0123456789"))
