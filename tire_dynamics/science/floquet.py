@@ -114,11 +114,11 @@ def analyze(state_matrix: StateMatrix | ArrayLike, period: float, rtol: float = 
     with eight nodes (order 14, A-stable), which is linear in the state, so that units do not matter. A cell
     is halved until its propagator agrees with the product over its halves, which is then used.
 
-    The disagreement bounds the error if it falls by 2^15 per halving, as it does where A is smooth. At a jump
-    of A it falls by 2 on average, and a small one may be luck: once it has fallen by less than 2^10, it is
-    taken together with the parent's, fourfold, which covers singularities up to t^(-1/2). A node at each end
-    of the cell sees to it that no jump hides there. The disagreements, and rounding, are carried to the end
-    of the period by the norms of the products before and after the cell; their sum bounds the error.
+    Where A is smooth the disagreement falls by 2^15 per halving and bounds the error with ease. Where it fell
+    by less than 2^10, as at a jump of A, the larger of it and the parent's is taken, fourfold: enough for
+    singularities up to t^(-1/2). A node at each end of a cell sees to it that no jump hides there. All this,
+    and rounding, is carried to the end of the period by the norms of the products before and after the cell;
+    the sum bounds the error of the monodromy matrix.
     """
     if not 1e-14 <= rtol <= 1e-2:
         raise ValueError(f"rtol is {rtol!r}; it must be between 1e-14 and 1e-2")
@@ -168,7 +168,7 @@ def analyze_constant(matrix: ArrayLike, period: float | None = None) -> FloquetR
         A multiplier overflows.
     """
     A = _square(matrix, "matrix")
-    A = linalg.matrix_balance(A, permute=False)[0]
+    A = A * _balance(np.abs(A))
     clusters = _clusters(A, 10.0 * len(A) * EPSILON * float(np.linalg.norm(A, 2)))
     verdict = _verdict([(cluster.mean.real, cluster) for cluster in clusters])
     exponents = np.linalg.eigvals(A).astype(np.complex128)
@@ -281,28 +281,26 @@ def _monodromy(
     count = max(8, math.ceil(rate * period / 4.0))
     width = period / count
     shortest, edge = SHORTEST_CELL * period, EPSILON * period
-    cells = []  # start, width, propagator, the parent's disagreement, smooth so far; the earliest comes last
+    cells = []  # start, width, propagator, the parent's disagreement; the earliest comes last
     for k in reversed(range(count)):
-        cells.append((k * width, width, _propagator(evaluate, k * width, width, edge), math.inf, True))
+        cells.append((k * width, width, _propagator(evaluate, k * width, width, edge), math.inf))
     steps: list[Matrix] = []
     errors = []
     while cells:
-        start, width, coarse, parent_gap, smooth = cells.pop()
+        start, width, coarse, parent_gap = cells.pop()
         width *= 0.5
         halves = [_propagator(evaluate, t, width, edge) for t in (start, start + width)]
         fine = halves[1] @ halves[0]
         size = float(np.linalg.norm(fine))
         gap = float(np.linalg.norm(fine - coarse))
-        smooth = smooth and 2.0**10 * gap <= parent_gap
-        estimate = gap if smooth else 4.0 * max(gap, parent_gap)
+        estimate = gap if 2.0**10 * gap <= parent_gap else 4.0 * max(gap, parent_gap)
         rounding = 10.0 * len(fine) * EPSILON
         tolerance = max(rtol * max(width / period, 2.0**-10), rounding) * size
         if estimate <= tolerance or (width < shortest and math.isfinite(estimate)):
             steps.append(fine)
             errors.append(estimate + rounding * size)
         else:
-            cells.append((start + width, width, halves[1], gap, smooth))
-            cells.append((start, width, halves[0], gap, smooth))
+            cells += [(start + width, width, halves[1], gap), (start, width, halves[0], gap)]
         if len(cells) + len(steps) > MOST_CELLS or width < 0.5 * shortest:
             raise ArithmeticError(f"A(t) is too irregular or too large to be integrated at t = {start:.6g}")
     monodromy, before = _products(steps)
@@ -310,7 +308,7 @@ def _monodromy(
     error = float(np.exp(before[:-1] + after[-2::-1] - before[-1]) @ errors)
     if not error < 0.1:
         raise ArithmeticError(f"A(t) cannot be integrated: relative error {error:.2g}; it must be below 0.1")
-    return monodromy, float(before[-1]), error + 10.0 * len(monodromy) * EPSILON
+    return monodromy, float(before[-1]), error  # eight cells' rounding covers that of the eigenvalues
 
 
 def _products(steps: list[Matrix]) -> tuple[Matrix, NDArray[np.float64]]:
@@ -357,8 +355,7 @@ def _balanced(state_matrix: StateMatrix, period: float) -> tuple[Callable[[float
     n = len(_square(state_matrix(times[0]), f"state_matrix({times[0]:.6g})"))
     samples = [_square(state_matrix(t), f"state_matrix({t:.6g})", n) for t in times]
     largest = np.max(np.abs(samples), axis=0)
-    _, (scale, _) = linalg.matrix_balance(largest, permute=False, separate=True)
-    factors = scale / scale[:, None]  # powers of two: no rounding
+    factors = _balance(largest)
     norm = max(float(np.linalg.norm(A * factors, 2)) for A in samples)
     # Perron's root bounds the spectral radius too, and is not misled by a coupling in one direction only.
     perron = float(np.abs(np.linalg.eigvals(largest * factors)).max())
@@ -368,6 +365,14 @@ def _balanced(state_matrix: StateMatrix, period: float) -> tuple[Callable[[float
         return scaled
 
     return evaluate, min(norm, perron)
+
+
+def _balance(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factors s_j/s_i, powers of two, that bring rows and columns of matrices of this size to one norm."""
+    # An element below the rounding of the largest may be rounding itself: not to be magnified.
+    size = np.where(size > EPSILON * size.max(), size, 0.0)
+    _, (scale, _) = linalg.matrix_balance(size, permute=False, separate=True)
+    return np.asarray(scale / scale[:, None])
 
 
 def _square(values: ArrayLike, name: str, size: int | None = None) -> Matrix:

@@ -20,8 +20,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg, optimize
 
 from . import floquet
+from .coefficients import coefficients, mode_damping
 from .floquet import FloquetResult
-from .ring import coefficients, mode_damping
 from .stepping import ExactStepper, solve_in_order
 from .unit import MODAL, TireWheelUnit
 

@@ -1,0 +1,49 @@
+# `make run` and `make test` need Python 3.10 to 3.14 and nothing else: what they need is put into .venv.
+
+VENV := .venv
+PY := $(VENV)/bin/python
+READY := $(VENV)/ready
+
+# The first Python that is new enough and can make a virtual environment; `make PYTHON=... run` names another.
+SUITS = -c 'import ensurepip, sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' 2>/dev/null
+PYTHON ?= $(firstword $(foreach p,python3.12 python3.11 python3,$(shell $(p) $(SUITS) && echo $(p))))
+
+# Everything runs on .venv alone. A sourced ROS has an rclpy of its own, built for its own Python, which the
+# shell's paths would put in front of the one in .venv; in a ROS workspace use colcon.
+unexport PYTHONPATH
+ifdef AMENT_PREFIX_PATH
+unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
+endif
+
+.PHONY: help run test lint types bench clean
+
+help:  ## this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
+	$(PY) -m tire_dynamics.doors.demo
+
+test: lint types  ## lint, types and all tests
+	$(PY) -m pytest
+
+lint: $(READY)  ## ruff
+	$(PY) -m ruff check
+
+types: $(READY)  ## mypy
+	$(PY) -m mypy
+
+bench: $(READY)  ## every benchmark, one after the other
+	@set -e; for benchmark in benchmarks/*.py; do echo "== $$benchmark"; $(PY) "$$benchmark"; done
+
+clean:  ## remove .venv and everything that was built
+	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Made anew, not updated, when the dependencies change: what was dropped from them must not linger.
+$(READY): setup.py setup.cfg pyproject.toml
+	@"$(PYTHON)" $(SUITS) || { echo "$(or $(PYTHON),No python3 found) is not Python 3.10 to 3.14 with the venv" \
+		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
+	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
+	"$(PYTHON)" -m venv --clear $(VENV)
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,test]'
+	@touch $@

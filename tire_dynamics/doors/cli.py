@@ -1,0 +1,150 @@
+"""The command ``tire-dynamics``."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import signal
+import sys
+from collections.abc import Sequence
+
+from .errors import InputError
+
+__all__ = ["main", "node"]
+
+UNUSABLE = 2  # exit status for input that cannot be used
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit status: 0, or 2 with one line on standard error for input it cannot use."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if arguments[:1] == ["node"]:
+            return _node(arguments[1:])  # everything behind it is for ROS
+        options = _parser().parse_args(arguments)
+        return int(options.run(options) or 0)
+    except InputError as error:
+        return _refuse(error)
+    except BrokenPipeError:  # the reader of our output has gone, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 128 + signal.SIGPIPE
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
+
+
+def node() -> int:
+    """Entry point of ``ros2 run tire_dynamics node``."""
+    return main(["node", *sys.argv[1:]])
+
+
+def _refuse(error: InputError) -> int:
+    print(f"tire-dynamics: {' '.join(str(error).split())}", file=sys.stderr)
+    return UNUSABLE
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message: str) -> None:  # type: ignore[override]
+        raise InputError(f"{message} (see {self.prog} --help)")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(prog="tire-dynamics", description="What the tires do to the axles: replay, stability, figures.")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    command = commands.add_parser("replay", help="run a bag through the same logic as the live node")
+    command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file: inputs, or a log of the node")
+    command.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
+    command.add_argument("--config", metavar="YAML", help="parameters of the node, or the fields of one unit")
+    command.add_argument("--force", action="store_true", help="replace OUT if it exists")
+    command.set_defaults(run=_replay)
+
+    command = commands.add_parser("play", help="publish a bag's messages live")
+    command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file")
+    command.add_argument("--rate", metavar="R", type=float, default=1.0, help="speed of play (default 1)")
+    command.add_argument("--loop", action="store_true", help="begin again at the end")
+    command.add_argument("--keep-stamps", action="store_true", help="do not move header stamps to the present")
+    command.add_argument(
+        "--wait", metavar="S", type=float, default=0.0, help="wait at most S seconds for a subscriber on every topic"
+    )
+    command.set_defaults(run=_play)
+
+    command = commands.add_parser("node", help="the live node; ROS arguments follow: node --ros-args -p rate_hz:=500.0")
+
+    command = commands.add_parser("import", help="CSV recordings into an input bag")
+    from . import csv_import
+
+    csv_import.add_arguments(command)
+    command.set_defaults(run=csv_import.run)
+
+    command = commands.add_parser("stability", help="Floquet stability at a speed, as JSON")
+    command.add_argument("--speed-rpm", metavar="R", type=float, required=True, help="speed of the wheel [rpm]")
+    command.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")
+    command.set_defaults(run=_stability)
+    return parser
+
+
+def _node(arguments: list[str]) -> int:
+    if arguments in (["-h"], ["--help"]):
+        print("usage: tire-dynamics node [--ros-args -p NAME:=VALUE --params-file YAML -r FROM:=TO ...]\n")
+        print("The live node, until SIGINT. Its parameters:\n")
+        from .parameters import PARAMETERS
+
+        for row in PARAMETERS:
+            default = list(row.default) if isinstance(row.default, tuple) else row.default
+            print(f"  {row.name:30} {row.kind:9} {default!s:12} {row.description}")
+        return 0
+    _need_ros()
+    from .node import run
+
+    run(arguments)
+    return 0
+
+
+def _need_ros() -> None:
+    from importlib.util import find_spec
+
+    if find_spec("rclpy") is None:
+        raise InputError(
+            "this needs rclpy: source a ROS 2 installation, or pip install 'tire_dynamics[ros]' (Linux, x86-64)"
+        )
+
+
+def _play(options: argparse.Namespace) -> int:
+    _need_ros()
+    from .play import play
+
+    count = play(
+        options.input, rate=options.rate, loop=options.loop, keep_stamps=options.keep_stamps, wait=options.wait
+    )
+    print(f"{count} messages published", file=sys.stderr)
+    return 0
+
+
+def _replay(options: argparse.Namespace) -> int:
+    from .replay import replay
+
+    summary = replay(options.input, options.output, config=options.config, force=options.force)
+    total = sum(summary.received.values())
+    print(f"{options.output}: {total} messages in, {sum(summary.written.values())} out", file=sys.stderr)
+    return 0
+
+
+def _stability(options: argparse.Namespace) -> int:
+    from ..estimator.vehicle import stability_reply
+    from .parameters import complete, read_config, unit_of
+
+    if not math.isfinite(options.speed_rpm):
+        raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be finite")
+    values = complete(read_config(options.config) if options.config else {})
+    try:
+        reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0)
+    except ArithmeticError as error:
+        raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
+    print(json.dumps(reply, indent=2))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,307 @@
+"""``make run``: the whole way once, on real ROS 2, with a table of what came out.
+
+A node in a process of its own, a second process that plays the sample bag to it over DDS, this one asking every
+wheel's stability on the way; then the log of it all replayed and compared bit for bit.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .bag import BagReader
+from .messages import JointStateDecoder, decode_wrench
+from .parameters import complete, read_config
+from .replay import replay
+
+__all__ = ["main"]
+
+_ROOT = Path(__file__).resolve().parents[2]
+_BAG = _ROOT / "bags" / "sample"
+_CONFIG = _ROOT / "config" / "vehicle.yaml"
+_ASK_AFTER = 10.0  # [s] into the bag: cruising
+FloatArray = NDArray[np.float64]
+
+
+class _FailureError(Exception):
+    """Something that the demonstration is to show did not happen."""
+
+
+def main() -> int:
+    """Run the demonstration; 0 if everything in it worked."""
+    os.environ.setdefault("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    os.environ.setdefault("ROS_DOMAIN_ID", str(1 + os.getpid() % 100))  # apart from whatever else runs here
+    folder = Path.cwd() / "runs" / f"{datetime.now(timezone.utc):%Y-%m-%dT%H-%M-%S}"
+    try:
+        _demonstrate(folder)
+    except _FailureError as failure:
+        print(f"\nFAILED: {failure}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def _demonstrate(folder: Path) -> None:
+    if not _BAG.is_dir():
+        raise _FailureError(f"{_BAG} is missing; this runs in a clone of the repository")
+    folder.mkdir(parents=True)
+    wheels = list(complete(read_config(_CONFIG))["wheels"])
+    _say(f"1. A live node starts in a process of its own, with {_CONFIG.relative_to(_ROOT)} and a log.")
+    node = _start("node", "--ros-args", "--params-file", str(_CONFIG), "-p", f"log.directory:={folder / 'log'}")
+    try:
+        _say(f"2. A second process plays {_BAG.relative_to(_ROOT)} to it over DDS, in real time ({_length():.0f} s).")
+        player = _start("play", str(_BAG), "--wait", "20")
+        try:
+            replies = _ask_stability(wheels)
+            if player.wait(_length() + 60.0) != 0:
+                raise _FailureError(f"the player ended with status {player.returncode}")
+        finally:
+            _end(player)
+        _say("3. The node is stopped with SIGINT.")
+        node.send_signal(signal.SIGINT)
+        if node.wait(20.0) != 0:
+            raise _FailureError(f"the node ended with status {node.returncode} after SIGINT")
+    finally:
+        _end(node)
+    (log,) = (folder / "log").iterdir()
+    _say("4. The log's inputs are replayed, as fast as it goes, and the outputs compared bit for bit.")
+    begin = time.perf_counter()
+    replay(log, folder / "replay")
+    seconds = time.perf_counter() - begin
+    live, again = _messages(log), _messages(folder / "replay")
+    count = _compare(live, again)
+    rows = [_row(wheel, live, replies[wheel]) for wheel in wheels]
+    _print_table(rows)
+    _say(f"\n{count} outputs replayed in {seconds:.1f} s, every one equal to the live one, bit for bit.")
+    picture = folder / "forces.png"
+    _draw(rows, live, picture)
+    _say(f"log      {log}")
+    _say(f"picture  {picture}")
+
+
+# -- processes --------------------------------------------------------------------------------------------------
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _start(*arguments: str) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "RCUTILS_LOGGING_SEVERITY": "WARN"}
+    return subprocess.Popen([sys.executable, "-m", "tire_dynamics.doors.cli", *arguments], env=environment)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.terminate()
+        try:
+            process.wait(10.0)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _length() -> float:
+    reader = BagReader(_BAG)
+    return ((reader.end_ns or 0) - (reader.start_ns or 0)) * 1e-9
+
+
+def _ask_stability(wheels: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Every wheel's stability reply, asked while the vehicle cruises."""
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.node import Node
+    from sensor_msgs.msg import JointState
+    from std_srvs.srv import Trigger
+
+    context = rclpy.context.Context()
+    rclpy.init(context=context)
+    node = Node("tire_dynamics_demo", context=context, start_parameter_services=False)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        begun = rclpy.task.Future()
+        node.create_subscription(JointState, "joint_states", lambda _: begun.set_result(None), 1)
+        executor.spin_until_future_complete(begun, timeout_sec=40.0)
+        if not begun.done():
+            raise _FailureError("the player has sent nothing within 40 s")
+        time.sleep(_ASK_AFTER)
+        replies = {}
+        for wheel in wheels:
+            client = node.create_client(Trigger, f"{wheel}/floquet_stability")
+            if not client.wait_for_service(10.0):
+                raise _FailureError(f"{wheel}/floquet_stability is not there")
+            future = client.call_async(Trigger.Request())
+            executor.spin_until_future_complete(future, timeout_sec=10.0)
+            if not future.done() or not future.result().success:
+                raise _FailureError(f"{wheel}/floquet_stability gave no answer")
+            replies[wheel] = json.loads(future.result().message)
+        return replies
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+
+
+# -- what came out ----------------------------------------------------------------------------------------------
+
+
+class _Logged(NamedTuple):
+    log_time: int
+    data: bytes
+
+
+class _Row(NamedTuple):
+    wheel: str
+    speeds: int
+    loads: int
+    wrenches: int
+    rings: int
+    mean_force: float
+    peak_force: float
+    ratio: float
+    peak_x: float
+    speed: float
+    radius: float
+    verdict: str
+    latency: tuple[float, float]
+
+
+def _messages(folder: Path) -> dict[str, list[_Logged]]:
+    topics = defaultdict(list)
+    for topic, _, log_time, _, data in BagReader(folder).messages(in_file_order=True):
+        topics[topic].append(_Logged(log_time, data))
+    return topics
+
+
+def _compare(live: Mapping[str, list[_Logged]], again: Mapping[str, list[_Logged]]) -> int:
+    """The number of outputs, all of them equal."""
+    count = 0
+    for topic in live:
+        if topic.endswith(("/axle_wrench", "/ring_deflection", "/ring_shape")):
+            if [message.data for message in live[topic]] != [message.data for message in again.get(topic, [])]:
+                raise _FailureError(f"{topic}: the replayed messages are not the live ones")
+            count += len(live[topic])
+    if not count:
+        raise _FailureError("the log holds no output")
+    return count
+
+
+def _wrenches(messages: Sequence[_Logged]) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Stamps and log times [s from the epoch], and force x, z [N], shape (N, 2)."""
+    decoded = [decode_wrench(message.data) for message in messages]
+    stamps = np.array([wrench.stamp_ns for wrench in decoded]) * 1e-9
+    times = np.array([message.log_time for message in messages]) * 1e-9
+    return stamps, times, np.array([[wrench.fx, wrench.fz] for wrench in decoded])
+
+
+def _row(wheel: str, live: Mapping[str, list[_Logged]], reply: Mapping[str, Any]) -> _Row:
+    wrenches, loads = live[f"/{wheel}/axle_wrench"], live[f"/{wheel}/load"]
+    if not wrenches or not loads:
+        raise _FailureError(f"{wheel}: {len(loads)} loads came in and {len(wrenches)} wrenches went out")
+    stamps, published, force = _wrenches(wrenches)
+    sent, taken, load = _wrenches(loads)
+    if not np.isfinite(force).all():
+        raise _FailureError(f"{wheel}: a force is not finite")
+    # the first wrench whose state knows this load: of its time or later, and computed after its receipt
+    first = np.maximum(np.searchsorted(stamps, sent), np.searchsorted(published, taken, side="right"))
+    known = first < len(stamps)
+    latency = 1e3 * (published[first[known]] - sent[known])
+    during = (sent >= stamps[0]) & (sent <= stamps[-1])
+    return _Row(
+        wheel=wheel,
+        speeds=len(live["/joint_states"]),
+        loads=len(loads),
+        wrenches=len(wrenches),
+        rings=len(live[f"/{wheel}/ring_deflection"]),
+        mean_force=float(force[:, 1].mean()),
+        peak_force=float(force[:, 1].max()),
+        ratio=float(force[:, 1].mean() / load[during, 1].mean()),
+        peak_x=float(np.abs(force[:, 0]).max()),
+        speed=reply["speed_rad_s"],
+        radius=reply["spectral_radius"],
+        verdict=reply["verdict"],
+        latency=(float(np.percentile(latency, 50)), float(np.percentile(latency, 99))),
+    )
+
+
+def _print_table(rows: Sequence[_Row]) -> None:
+    titles = (
+        ("", "speeds", "loads", "wrenches", "rings", "mean F'", "peak F'", "F'/F", "peak |Fx|", "speed", "spectral",
+         "", "latency [ms]"),
+        ("wheel", "in", "in", "out", "out", "[N]", "[N]", "mean", "[N]", "[rad/s]", "radius", "verdict", "p50   p99"),
+    )  # fmt: skip
+    body = [
+        (row.wheel, str(row.speeds), str(row.loads), str(row.wrenches), str(row.rings), f"{row.mean_force:.1f}",
+         f"{row.peak_force:.1f}", f"{row.ratio:.4f}", f"{row.peak_x:.1f}", f"{row.speed:.2f}", f"{row.radius:.4f}",
+         row.verdict, f"{row.latency[0]:.2f}  {row.latency[1]:.2f}")
+        for row in rows
+    ]  # fmt: skip
+    widths = [max(len(line[k]) for line in (*titles, *body)) for k in range(len(titles[0]))]
+    print()
+    for line in (*titles, tuple("-" * width for width in widths), *body):
+        left = {0, 11}  # names and verdicts; numbers stand to the right
+        cells = [f"{cell:<{w}}" if k in left else f"{cell:>{w}}" for k, (cell, w) in enumerate(zip(line, widths, strict=True))]
+        print("  ".join(cells).rstrip())
+    print(
+        "\nF is the vertical load on the tire, F' what the wheel passes to its suspension, Fx the horizontal force on\n"
+        "the axle. A spectral radius below 1 means that the rotating tire is stable at the speed asked. Latency runs\n"
+        "from the sending of a load to the publication of the first wrench that knows it, across both processes."
+    )
+
+
+def _draw(rows: Sequence[_Row], live: Mapping[str, list[_Logged]], path: Path) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    front, rear = rows[0].wheel, rows[-1].wheel
+    decode = JointStateDecoder().decode
+    states = [decode(message.data) for message in live["/joint_states"]]
+    begin = states[0].stamp_ns * 1e-9
+    figure, axes = plt.subplots(4, 1, figsize=(9.0, 10.0), constrained_layout=True)
+    axes[0].plot(
+        [state.stamp_ns * 1e-9 - begin for state in states], [state.velocities[0] for state in states], color="black"
+    )
+    axes[0].set_ylabel(f"speed, {front}\n[rad/s]")
+    for axis, wheel in ((axes[1], front), (axes[2], rear)):
+        _draw_forces(axis, wheel, live, begin)
+    stamps, _, force = _wrenches(live[f"/{front}/axle_wrench"])
+    moment = float(stamps[np.argmax(force[:, 1])]) - begin
+    _draw_forces(axes[3], front, live, begin)
+    axes[3].set_xlim(moment - 0.15, moment + 0.35)
+    axes[3].set_ylabel(f"{front}, its peak\n[N]")
+    axes[1].legend(loc="upper left", ncols=3, frameon=False)
+    for axis in axes[:3]:
+        axis.set_xlim(0.0, stamps[-1] - begin)
+    axes[3].set_xlabel("time [s]")
+    axes[0].set_title("What the sample drive does to the axles (vertical up, horizontal forward)", loc="left")
+    for axis in axes:
+        axis.grid(alpha=0.3)
+        axis.margins(y=0.15)
+    figure.savefig(path, dpi=130)
+
+
+def _draw_forces(axis: Any, wheel: str, live: Mapping[str, list[_Logged]], begin: float) -> None:
+    sent, _, load = _wrenches(live[f"/{wheel}/load"])
+    stamps, _, force = _wrenches(live[f"/{wheel}/axle_wrench"])
+    axis.plot(sent - begin, load[:, 1], color="0.65", linewidth=1.0, label="load F on the tire")
+    axis.plot(stamps - begin, force[:, 1], color="tab:blue", linewidth=1.0, label="F' on the suspension")
+    axis.plot(stamps - begin, force[:, 0], color="black", linewidth=0.8, linestyle="--", label="Fx on the axle")
+    axis.set_ylabel(f"{wheel}\n[N]")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,442 @@
+"""The live node."""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import signal
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import ParameterException
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import qos_profile_sensor_data
+from rclpy.serialization import serialize_message
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import SetBool, Trigger
+
+from . import messages
+from .errors import InputError
+from .log import Log
+from .parameters import NODE_NAME, PARAMETERS, Parameter, complete
+from .wiring import LOG_RECORD, TICK, Wiring
+
+__all__ = ["TireDynamicsNode", "run"]
+
+_TYPES = {
+    "double": RosParameter.Type.DOUBLE,
+    "integer": RosParameter.Type.INTEGER,
+    "string": RosParameter.Type.STRING,
+    "string[]": RosParameter.Type.STRING_ARRAY,
+}
+_DIAGNOSTICS = "/diagnostics"
+_DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+class TireDynamicsNode(Node):  # type: ignore[misc]
+    """Wheel speeds and loads in; axle forces, belt shapes, stability and a log out.
+
+    The node only carries: what is computed, and from which messages, is :class:`Wiring`'s, which the replay
+    runs too. Every message that comes in is logged as it was received, and every tick before its outputs, all
+    from the one thread that also computes; so the order in the log is the order of the computation.
+
+    Parameters
+    ----------
+    context : rclpy.context.Context, optional
+    arguments : sequence of str, optional
+        ROS arguments (``--ros-args ...``) beyond those of the context.
+
+    Raises
+    ------
+    InputError
+        A parameter is unknown, out of its bounds or in contradiction to another.
+    """
+
+    def __init__(self, *, context: rclpy.context.Context | None = None, arguments: Sequence[str] | None = None) -> None:
+        super().__init__(
+            NODE_NAME,
+            context=context,
+            cli_args=list(arguments) if arguments is not None else None,
+            automatically_declare_parameters_from_overrides=True,
+        )
+        try:
+            values = self._declare_parameters()
+        except BaseException:
+            self.destroy_node()
+            raise
+        self._wiring = Wiring(values)
+        self._period = self._wiring.vehicle.settings.period
+        self._time: int | None = None
+        self._log: Log | None = None
+        self._ticks = self._missed = self._jumps = 0
+        self._step_times: list[float] = []
+
+        wheels = self._wiring.vehicle.settings.wheels
+        self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
+        self._subscriptions_kept = []
+        for topic, msgtype in self._wiring.inputs.items():
+            subscription = self.create_subscription(
+                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+            )
+            self._subscriptions_kept.append(subscription)
+            self._full_names[topic] = subscription.topic_name
+        self._outputs = {}
+        for topic, msgtype in self._wiring.outputs.items():
+            publisher = self.create_publisher(_message_class(msgtype), topic, 10)
+            self._outputs[topic] = publisher
+            self._full_names[topic] = publisher.topic_name
+        self._diagnostics = self.create_publisher(DiagnosticArray, _DIAGNOSTICS, 10)
+        self._full_names[_DIAGNOSTICS] = self._diagnostics.topic_name
+        for index, wheel in enumerate(wheels):
+            self.create_service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
+        self.create_service(SetBool, "~/set_logging", self._set_logging)
+        if values["log.directory"]:
+            self._start_log()
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._apply_change)
+        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._period * 1e-9, self._tick, clock=steady)
+        self.create_timer(1.0, self._diagnose, clock=steady)
+
+    # -- parameters -----------------------------------------------------------------------------------------
+
+    def _declare_parameters(self) -> dict[str, Any]:
+        table = {row.name: row for row in PARAMETERS}
+        found: dict[str, Any] = self.get_parameters_by_prefix("")
+        given = {name: parameter.value for name, parameter in found.items()}
+        unknown = [name for name in given if name not in table and not _is_rclpys(name)]
+        values = {name: _plain(value) for name, value in given.items() if name in table}
+        try:
+            complete({**values, **dict.fromkeys(unknown)})
+            whole = complete(values)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        for name, row in table.items():
+            if name in given:
+                self.undeclare_parameter(name)
+            self.declare_parameter(name, _ros_value(whole[name]), _descriptor(row))
+        return whole
+
+    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        known = {row.name for row in PARAMETERS}
+        values = {change.name: _plain(change.value) for change in changes if change.name in known}
+        try:
+            complete({**self._wiring.values, **values})
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_change(self, changes: Sequence[RosParameter]) -> None:
+        known = {row.name for row in PARAMETERS}
+        values = {change.name: _plain(change.value) for change in changes if change.name in known}
+        if values:
+            self._wiring.set_values(values)
+            self._log_record()
+
+    # -- messages and ticks ---------------------------------------------------------------------------------
+
+    def _own_name(self, name: str) -> str:
+        return f"{self.get_fully_qualified_name()}/{name}"
+
+    def _now(self) -> int:
+        now: int = self.get_clock().now().nanoseconds
+        return now
+
+    def _receiver(self, topic: str) -> Any:
+        receive = self._wiring.receive
+
+        def callback(data: bytes) -> None:
+            now = self._now()
+            self._put(topic, now, now, data)
+            receive(topic, now, data)
+
+        return callback
+
+    def _tick(self) -> None:
+        now = self._now()
+        stamp = self._due(now)
+        if stamp is None:
+            return
+        started = time.perf_counter()
+        self._put(TICK, now, stamp, messages.encode_clock(stamp))
+        produced = self._wiring.tick(stamp)
+        for topic, data in produced:
+            self._outputs[topic].publish(data)
+        self._ticks += 1
+        self._step_times.append(time.perf_counter() - started)
+        if self._log is not None and produced:
+            published = self._now()
+            for topic, data in produced:
+                self._put(topic, published, stamp, data)
+
+    def _due(self, now: int) -> int | None:
+        """The time to advance to: the latest of the regular instants, one period apart, that has come.
+
+        The instants are tied to the ROS clock when the node starts. When the clock falls a little short of
+        the next one at a timer's call, because it is slewed or the very first call came late, they are tied
+        anew; when it stands still (a paused simulation) nothing is due, and when it jumps, they start anew.
+        """
+        if now == 0:
+            return None  # simulated time before the first /clock
+        if self._time is None or now < self._time:
+            self._jumps += self._time is not None
+            self._time = now
+        else:
+            late = now - (self._time + self._period)
+            if late >= 0:
+                missed = late // self._period
+                self._missed += missed
+                self._time += (1 + missed) * self._period
+            elif late > -self._period // 2:
+                self._time = now
+            else:
+                return None
+        return self._time
+
+    # -- the log --------------------------------------------------------------------------------------------
+
+    def _start_log(self) -> None:
+        directory = Path(self._wiring.values["log.directory"])
+        types = {
+            **{topic: (msgtype, "sensor_data") for topic, msgtype in self._wiring.inputs.items()},
+            **{topic: (msgtype, "default") for topic, msgtype in self._wiring.outputs.items()},
+            TICK: (messages.CLOCK, "default"),
+            LOG_RECORD: (messages.STRING, "default"),
+            _DIAGNOSTICS: (_DIAGNOSTICS_TYPE, "default"),
+        }
+        self._log = Log(
+            directory,
+            {self._full_names[topic]: kind for topic, kind in types.items()},
+            self._wiring.values["log.queue_size"],
+            self._wiring.values["log.compression"],
+        )
+        self.get_logger().info(f"logging to {self._log.folder}")
+        self._log_record()
+
+    def _log_record(self) -> None:
+        now = self._now()
+        self._put(LOG_RECORD, now, now, self._wiring.record(self._full_names))
+
+    def _stop_log(self) -> None:
+        if self._log is not None:
+            log, self._log = self._log, None
+            log.close()
+            self.get_logger().info(f"log closed: {log.folder}, {log.written} messages")
+            if log.error:
+                self.get_logger().error(log.error)
+
+    def _put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> None:
+        if self._log is not None:
+            self._log.put(self._full_names[topic], log_time, publish_time, data)
+
+    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        try:
+            if not request.data:
+                response.message = f"closed {self._log.folder}" if self._log else "there was no log"
+                self._stop_log()
+            elif self._log is not None:
+                response.message = f"logging to {self._log.folder} already"
+            elif not self._wiring.values["log.directory"]:
+                raise InputError("log.directory is empty; set it to say where logs are to be written")
+            else:
+                self._start_log()
+                assert self._log is not None
+                response.message = f"logging to {self._log.folder}"
+            response.success = True
+        except InputError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    # -- stability and diagnostics --------------------------------------------------------------------------
+
+    def _stability_service(self, index: int) -> Any:
+        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.message = json.dumps(self._wiring.vehicle.stability(index))
+                response.success = True
+            except (ArithmeticError, ValueError) as error:
+                response.success, response.message = False, str(error)
+            return response
+
+        return reply
+
+    def _diagnose(self) -> None:
+        array = DiagnosticArray()
+        array.header.stamp = self.get_clock().now().to_msg()
+        array.status = [self._node_status()]
+        for index in range(len(self._wiring.vehicle.estimators)):
+            array.status.append(self._wheel_status(index))
+        self._diagnostics.publish(array)
+        now = self._now()
+        self._put(_DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+
+    def _node_status(self) -> DiagnosticStatus:
+        times = sorted(self._step_times) or [0.0]
+        self._step_times = []
+        log, malformed = self._log, self._wiring.malformed
+        values = {
+            "ticks": self._ticks,
+            "ticks missed": self._missed,
+            "clock jumps": self._jumps,
+            "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
+            "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
+            **{f"{topic}: malformed": count for topic, count in malformed.items()},
+            **{f"joint_states: {outcome}": n for outcome, n in self._wiring.vehicle.message_counts.items()},
+            "log": "off" if log is None else str(log.folder),
+        }
+        level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.estimators)} wheels"
+        if log is not None:
+            values["log: written"] = log.written
+            values["log: waiting"] = log.waiting
+            values["log: dropped"] = sum(log.dropped.values())
+            if log.error:
+                level, summary = DiagnosticStatus.ERROR, f"the log stopped: {log.error}"
+            elif log.dropped:
+                level, summary = DiagnosticStatus.WARN, f"{sum(log.dropped.values())} messages not logged"
+        return self._status("node", level, summary, values)
+
+    def _wheel_status(self, index: int) -> DiagnosticStatus:
+        vehicle = self._wiring.vehicle
+        estimator = vehicle.estimators[index]
+        reply = vehicle.stability(index)
+        critical = reply["critical_speed_rad_s"]
+        level, summary = DiagnosticStatus.OK, reply["verdict"]
+        if reply["verdict"] == "unstable":
+            level = DiagnosticStatus.ERROR
+        elif reply["verdict"] != "asymptotically stable":
+            level = DiagnosticStatus.WARN
+        ages = dict(zip(("speed", "load"), estimator.ages(), strict=True))
+        stale = []
+        for name, age in ages.items():
+            if age is None:
+                stale.append(f"no {name} yet")
+            elif age > vehicle.settings.input_timeout:
+                stale.append(f"{name} is {age * 1e-9:.3f} s old")
+        if stale:
+            level, summary = DiagnosticStatus.ERROR, "no output: " + ", ".join(stale)
+        radius = reply["spectral_radius"]
+        values = {
+            "in motion": estimator.running,
+            **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
+            "speed [rad/s]": f"{estimator.speed:.4f}",
+            "load [N]": f"{estimator.load[0]:.1f}",
+            "stability": reply["verdict"],
+            "spectral radius": "-" if radius is None else f"{radius:.6f}",
+            "critical speed [rad/s]": "none" if critical is None else f"{critical:.2f}",
+            "stops for stale inputs": estimator.restarts,
+            **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},
+        }
+        return self._status(vehicle.settings.wheels[index], level, summary, values)
+
+    def _status(self, name: str, level: bytes, summary: str, values: dict[str, Any]) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=level,
+            name=f"{self.get_name()}: {name}",
+            message=summary,
+            hardware_id=self.get_fully_qualified_name(),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+    def close(self) -> None:
+        """Finish the log and leave the graph."""
+        self._stop_log()
+        self.destroy_node()
+
+
+def run(arguments: Sequence[str]) -> None:
+    """The node until SIGINT or SIGTERM.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        ROS arguments, as ``--ros-args -p name:=value``.
+
+    Raises
+    ------
+    InputError
+        The arguments or the parameters cannot be used.
+    """
+    stopping = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        stopping.append(number)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    try:
+        rclpy.init(args=["tire_dynamics", *arguments], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl reports bad arguments and files as RuntimeErrors of its own kinds
+        raise InputError(_first_line(error)) from None
+    try:
+        leftover = rclpy.utilities.remove_ros_args(["tire_dynamics", *arguments])[1:]
+        if leftover:
+            raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
+        try:
+            node = TireDynamicsNode()
+        except ParameterException as error:
+            raise InputError(_first_line(error)) from None
+        try:
+            executor = EventsExecutor()
+            executor.add_node(node)
+            gc.collect()
+            gc.freeze()  # what lives until the end need not be looked at again, tick after tick
+            while not stopping:
+                executor.spin_once(timeout_sec=0.2)
+        finally:
+            node.close()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _first_line(error: BaseException) -> str:
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
+
+
+def _is_rclpys(name: str) -> bool:
+    """Whether a parameter belongs to every node and not to this table."""
+    return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides.")
+
+
+def _plain(value: Any) -> Any:
+    """A parameter's value in the types of the table."""
+    return list(value) if not isinstance(value, (str, bytes, bool, int, float)) and value is not None else value
+
+
+def _ros_value(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def _descriptor(row: Parameter) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(
+        name=row.name,
+        type=_TYPES[row.kind].value,
+        description=row.description,
+        read_only=row.read_only,
+        additional_constraints=" | ".join(row.choices),
+    )
+    low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
+    if low is not None:
+        high = row.high if row.high is not None else float("1e300")
+        if row.kind == "double":
+            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        else:
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return descriptor
+
+
+def _message_class(msgtype: str) -> Any:
+    from importlib import import_module
+
+    package, _, name = msgtype.split("/")
+    return getattr(import_module(f"{package}.msg"), name)

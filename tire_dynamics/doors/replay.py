@@ -1,0 +1,278 @@
+"""A bag through the same logic as the live node, as fast as it goes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from . import messages
+from .bag import BagReader, BagWriter
+from .errors import InputError
+from .parameters import NODE_NAME, read_config
+from .progress import progress
+from .wiring import LOG_RECORD, TICK, Wiring, input_types
+
+__all__ = ["Summary", "replay"]
+
+
+class Summary(NamedTuple):
+    """What a replay did: messages read by topic, messages written by topic, and the parameters it ran with."""
+
+    received: dict[str, int]
+    written: dict[str, int]
+    parameters: dict[str, Any]
+
+
+class _Event(NamedTuple):
+    """What happens next: a message on a topic (relative name) is received, or a tick or a record is due."""
+
+    topic: str
+    log_time: int
+    publish_time: int
+    data: bytes
+
+
+def replay(
+    source: str | PathLike[str],
+    output: str | PathLike[str],
+    *,
+    config: str | PathLike[str] | None = None,
+    force: bool = False,
+) -> Summary:
+    """Run a bag through the estimator into a new bag, which is a log like the live node's.
+
+    Parameters
+    ----------
+    source : path
+        A rosbag2 folder or a .mcap file: a recording of the inputs, or a log of the node.
+    output : path
+        The rosbag2 folder to write: the inputs as they were, every output, and what a further replay needs.
+    config : path, optional
+        Parameters, as :func:`~tire_dynamics.doors.parameters.read_config` takes them. Without it a log's own
+        parameters are used, and for any other bag the defaults, with the wheels that its topics name.
+    force : bool
+        Replace an output that exists.
+
+    Returns
+    -------
+    Summary
+
+    Raises
+    ------
+    InputError
+        The bag, the parameters or the output cannot be used, or the bag never has a fresh speed and load.
+
+    Notes
+    -----
+    A log is followed event by event in the order in which the node computed, with its ticks at its times, so
+    that its outputs come out again bit for bit; if the parameters ask for another ``rate_hz``, and for every
+    other bag, the ticks come at the multiples of the period, each after the messages received until then.
+    Memory does not grow with the bag.
+    """
+    reader = BagReader(source)
+    log = _log_of(reader)
+    given = read_config(config) if config is not None else log["parameters"] if log is not None else {}
+    if "wheels" not in given:
+        given = {**given, "wheels": _wheels(reader)}
+    try:
+        wiring = Wiring(given)
+    except ValueError as error:
+        raise InputError(f"{source}: {error}") from None
+    names = _names(reader, wiring.vehicle.settings.wheels, log)
+    if log is not None and log["parameters"].get("rate_hz") == wiring.values["rate_hz"]:
+        events = _recorded(reader, names)
+    else:
+        events = _received(reader, names, wiring)
+    return _run(wiring, events, names, Path(output), force, own_parameters=config is None)
+
+
+def _run(
+    wiring: Wiring, events: Iterable[_Event], names: Mapping[str, str], output: Path, force: bool, own_parameters: bool
+) -> Summary:
+    received = dict.fromkeys(wiring.inputs, 0)
+    written = dict.fromkeys(wiring.outputs, 0)
+    with BagWriter(output, force=force, aside=True) as writer:
+        handles = {
+            topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in wiring.inputs else "default")
+            for topic, msgtype in (
+                *wiring.inputs.items(), *wiring.outputs.items(), (TICK, messages.CLOCK), (LOG_RECORD, messages.STRING)
+            )
+        }  # fmt: skip
+        begun = False
+        for topic, log_time, publish_time, data in events:
+            if topic == LOG_RECORD:
+                _continue(wiring, _record(data), first=not begun, own_parameters=own_parameters)
+            if topic == LOG_RECORD or not begun:
+                writer.write(handles[LOG_RECORD], log_time, publish_time, wiring.record(names))
+                begun = True
+            if topic == TICK:
+                writer.write(handles[TICK], log_time, publish_time, data)
+                for produced, message in wiring.tick(publish_time):
+                    writer.write(handles[produced], log_time, publish_time, message)
+                    written[produced] += 1
+            elif topic != LOG_RECORD:
+                writer.write(handles[topic], log_time, publish_time, data)
+                wiring.receive(topic, log_time, data)
+                received[topic] += 1
+        if not any(written.values()):
+            raise InputError(_why_nothing(wiring, received))
+    return Summary(received, written, wiring.values)
+
+
+def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_parameters: bool) -> None:
+    """Go on as the log's record says: from its state if it is the first, and with its tire."""
+    try:
+        if own_parameters:
+            wiring.set_values({k: v for k, v in record["parameters"].items() if k.startswith("tire.")})
+        if first and tuple(record["parameters"]["wheels"]) == wiring.vehicle.settings.wheels:
+            wiring.vehicle.restore(record["vehicle"])
+    except (LookupError, TypeError, ValueError) as error:
+        raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
+
+
+def _why_nothing(wiring: Wiring, received: Mapping[str, int]) -> str:
+    if wiring.malformed:
+        topic, count = wiring.malformed.most_common(1)[0]
+        return f"no wheel ever had a speed and a load: {count} messages on {topic} are not what their type says"
+    counts = {
+        f"{wheel}: {outcome}": count
+        for wheel, counter in zip(wiring.vehicle.settings.wheels, wiring.vehicle.counts, strict=True)
+        for outcome, count in counter.items()
+    }
+    seen = ", ".join(f"{topic} {count}" for topic, count in received.items() if count) or "no input"
+    outcomes = f" ({', '.join(f'{outcome} {count}' for outcome, count in counts.items())})" if counts else ""
+    return f"no wheel ever had a speed and a load that were both fresh; the bag has {seen}{outcomes}"
+
+
+# -- what the bag holds -----------------------------------------------------------------------------------------
+
+
+def _log_of(reader: BagReader) -> dict[str, Any] | None:
+    """The first log record, if the bag is a log of the node."""
+    topic = _log_topic(reader)
+    if topic is None:
+        return None
+    for message in reader.messages([topic]):
+        return _record(message[4])
+    return None
+
+
+def _log_topic(reader: BagReader) -> str | None:
+    ending = LOG_RECORD.removeprefix("~")
+    found = [name for name, msgtype in reader.topics.items() if name.endswith(ending) and msgtype == messages.STRING]
+    if len(found) > 1:
+        raise InputError(f"{reader.path}: holds logs of several nodes ({', '.join(found)}); one is read")
+    return found[0] if found else None
+
+
+def _record(data: bytes) -> dict[str, Any]:
+    try:
+        content = json.loads(messages.decode_string(data))
+        if {"parameters", "topics", "vehicle"} <= content.keys():
+            return dict(content)
+    except (ValueError, AttributeError):
+        pass
+    raise InputError("the log's record of its parameters is damaged; --config gives them anew")
+
+
+def _wheels(reader: BagReader) -> list[str]:
+    """The wheels that the bag's load topics name: front_left of /car/front_left/load."""
+    loads = [name for name, msgtype in reader.topics.items() if msgtype == messages.WRENCH_STAMPED]
+    wheels = [name.split("/")[-2] for name in loads if name.endswith("/load") and name.count("/") >= 2]
+    if not wheels:
+        present = _listed(reader.topics)
+        kind = messages.WRENCH_STAMPED
+        raise InputError(f"{reader.path}: has no topic <wheel>/load of {kind}; its topics: {present}")
+    return sorted(set(wheels))
+
+
+def _names(reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | None) -> dict[str, str]:
+    """Full names in the bag by the relative names of all topics."""
+    node = f"/{NODE_NAME}"
+    names = {TICK: f"{node}/tick", LOG_RECORD: f"{node}/log_record"}
+    types = input_types(wheels)
+    for topic, msgtype in types.items():
+        known = (log or {}).get("topics", {}).get(topic)
+        found = [
+            name
+            for name in reader.topics
+            if (name == known if known is not None else name == f"/{topic}" or name.endswith(f"/{topic}"))
+        ]
+        if len(found) > 1:
+            raise InputError(f"{reader.path}: several topics could be {topic}: {', '.join(sorted(found))}")
+        names[topic] = found[0] if found else f"/{topic}"
+        if found and reader.topics[found[0]] != msgtype:
+            raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
+    for wheel in wheels:
+        load = names[f"{wheel}/load"]
+        if load not in reader.topics:
+            raise InputError(f"{reader.path}: has no topic {wheel}/load; its topics: {_listed(reader.topics)}")
+        for output in ("axle_wrench", "ring_deflection", "ring_shape"):
+            names[f"{wheel}/{output}"] = f"{load.removesuffix('/load')}/{output}"
+    if log is not None:
+        names.update({topic: name for topic, name in log["topics"].items() if topic in names})
+    speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
+    if not any(name in reader.topics for name in speeds):
+        present = _listed(reader.topics)
+        raise InputError(f"{reader.path}: has neither joint_states nor <wheel>/wheel_speed; its topics: {present}")
+    return names
+
+
+def _listed(topics: Iterable[str]) -> str:
+    return ", ".join(sorted(topics)) or "none"
+
+
+# -- the order of events ----------------------------------------------------------------------------------------
+
+
+def _recorded(reader: BagReader, names: Mapping[str, str]) -> Iterator[_Event]:
+    """A log's own events, in the order in which they were written."""
+    relative = {name: topic for topic, name in names.items()}
+    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
+    stream = reader.messages(wanted & reader.topics.keys(), in_file_order=True)
+    for name, _, log_time, publish_time, data in progress(stream, reader.message_count, "replay"):
+        topic = relative[name]
+        if topic == TICK:
+            publish_time = messages.decode_clock(data)
+        yield _Event(topic, log_time, publish_time, data)
+
+
+def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> Iterator[_Event]:
+    """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
+
+    Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
+    is: a pause of a year in the bag costs nothing.
+    """
+    period = wiring.vehicle.settings.period
+    silence = 2 * wiring.vehicle.settings.input_timeout + period
+    relative = {names[topic]: topic for topic in names if _is_input(topic)}
+    stream = reader.messages(relative.keys() & reader.topics.keys())
+    due = last = None
+    for name, _, log_time, publish_time, data in progress(stream, reader.message_count, "replay"):
+        if due is None or last is None:
+            due, last = _up_to_multiple(log_time, period), log_time
+        while due < log_time:
+            if due - last > silence:
+                due = _up_to_multiple(log_time, period)
+                break
+            yield _tick(due)
+            due += period
+        last = log_time
+        yield _Event(relative[name], log_time, publish_time, data)
+    if due is not None and due == last:
+        yield _tick(due)
+
+
+def _tick(moment: int) -> _Event:
+    return _Event(TICK, moment, moment, messages.encode_clock(moment))
+
+
+def _up_to_multiple(moment: int, period: int) -> int:
+    return -(-moment // period) * period
+
+
+def _is_input(topic: str) -> bool:
+    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load"))

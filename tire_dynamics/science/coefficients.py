@@ -1,0 +1,78 @@
+"""Stiffness and damping coefficients of the ring's modes, (3.5) of Huang & Hsu (1992)."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from .unit import TireWheelUnit
+
+__all__ = ["Coefficients", "Model", "coefficients", "mode_damping", "rest_frequency"]
+
+Model = Literal["complete", "inextensional", "hybrid"]
+FloatArray = NDArray[np.float64]
+
+
+class Coefficients(NamedTuple):
+    """A_n, B_n, C_n of (3.5) [1/s^2] and their combination B C - A^2 [1/s^4], which loses its digits if formed late."""
+
+    coupling: FloatArray
+    radial: FloatArray
+    tangential: FloatArray
+    determinant: FloatArray
+
+
+def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float = 0.0) -> Coefficients:
+    """Stiffness coefficients A_n, B_n, C_n of (3.5a-c).
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n : array_like of int
+        Circumferential wavenumbers.
+    speed : float
+        Spin Omega [rad/s].
+
+    Notes
+    -----
+    The membrane terms b = K/(a^2 rho h) are kept apart from the rest, written with a tilde:
+    B C - A^2 = b (C~ + n^2 B~ - 2 n A~) + B~ C~ - A~^2. The product b^2 has cancelled, and no digits with it.
+    """
+    number = np.asarray(n, dtype=np.float64)
+    square = number * number
+    mass = unit.surface_density
+    bending = unit.bending_stiffness / (unit.radius * unit.radius * unit.radius * unit.radius) / mass
+    membrane = unit.membrane_stiffness / (unit.radius * unit.radius) / mass
+    pressure = unit.inflation_pressure / unit.radius / mass
+    sigma = speed * speed + pressure  # p_0/(rho h a), the static part of the hoop tension, is the same number
+    coupling = number * square * bending + 2.0 * number * sigma
+    radial = square * square * bending + unit.radial_stiffness / mass + pressure + square * sigma
+    tangential = square * bending + unit.tangential_stiffness / mass + pressure + square * sigma
+    determinant = membrane * (tangential + square * radial - 2.0 * number * coupling)
+    determinant = determinant + (radial * tangential - coupling * coupling)
+    return Coefficients(coupling + number * membrane, radial + membrane, tangential + square * membrane, determinant)
+
+
+def rest_frequency(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
+    """omega_n [rad/s], the frequency of mode n at rest with the wheel held, that the damping ratio refers to.
+
+    Of the complete model's two frequencies, the lower.
+    """
+    number = np.asarray(n, dtype=np.float64)
+    A, B, C, determinant = coefficients(unit, number)
+    if model == "complete":
+        upper = 0.5 * (B + C) + np.sqrt(0.25 * (B - C) * (B - C) + A * A)
+        return np.asarray(np.sqrt(determinant / upper))
+    # n = 1 follows (3.13), where the paper's elimination leaves kappa = k_1/m
+    return np.asarray(
+        np.where(number == 1.0, unit.rigid_mode_frequency, np.sqrt(number * determinant / (A + number * C)))
+    )
+
+
+def mode_damping(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
+    """d_n = lambda_n/(rho h) = 2 zeta_n omega_n [1/s]; zeta_1 for n = 1."""
+    number = np.asarray(n)
+    zeta = np.where(number == 1, unit.zeta_1, unit.zeta_n)
+    return np.asarray(2.0 * zeta * rest_frequency(unit, number, model))
