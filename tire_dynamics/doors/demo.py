@@ -251,8 +251,8 @@ def _print_table(rows: Sequence[_Row]) -> None:
     widths = [max(len(line[k]) for line in (*titles, *body)) for k in range(len(titles[0]))]
     print()
     for line in (*titles, tuple("-" * width for width in widths), *body):
-        left = {0, 11}  # names and verdicts; numbers stand to the right
-        cells = [f"{cell:<{w}}" if k in left else f"{cell:>{w}}" for k, (cell, w) in enumerate(zip(line, widths, strict=True))]
+        aligned = "<" + 10 * ">" + "<>"  # names and verdicts to the left, numbers to the right
+        cells = [f"{cell:{side}{width}}" for cell, side, width in zip(line, aligned, widths, strict=True)]
         print("  ".join(cells).rstrip())
     print(
         "\nF is the vertical load on the tire, F' what the wheel passes to its suspension, Fx the horizontal force on\n"

@@ -43,7 +43,7 @@ _DIAGNOSTICS = "/diagnostics"
 _DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 
-class TireDynamicsNode(Node):  # type: ignore[misc]
+class TireDynamicsNode(Node):
     """Wheel speeds and loads in; axle forces, belt shapes, stability and a log out.
 
     The node only carries: what is computed, and from which messages, is :class:`Wiring`'s, which the replay
