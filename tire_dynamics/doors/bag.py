@@ -230,9 +230,7 @@ class BagWriter:
             "version": 9,
             "storage_identifier": "mcap",
             **span,
-            "topics_with_message_count": [
-                {"topic_metadata": topic, "message_count": count} for topic, count in topics
-            ],
+            "topics_with_message_count": [{"topic_metadata": topic, "message_count": count} for topic, count in topics],
             "compression_format": "",
             "compression_mode": "",
             "relative_file_paths": [self._file_name],
@@ -307,7 +305,7 @@ _MAX_CHUNK_MESSAGES = 500_000
 _MAX_PENDING = 128 * 2**20  # bytes held back because chunks overlap in time
 _MAX_RECORD = 16 * 2**20  # bytes of a schema, channel, statistics or metadata record
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
-_RUN = 2**20  # bytes of messages outside chunks that are read together
+_RUN = 2**16  # bytes of messages outside chunks that are read together
 
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
@@ -398,9 +396,7 @@ class BagReader:
         """Whether every file has its end."""
         return not self.damage
 
-    def messages(
-        self, topics: Iterable[str] | None = None, *, in_file_order: bool = False
-    ) -> Iterator[Message]:
+    def messages(self, topics: Iterable[str] | None = None, *, in_file_order: bool = False) -> Iterator[Message]:
         """All messages, in order of log time; of equal times, in the order of the files.
 
         Parameters
@@ -435,7 +431,7 @@ class BagReader:
                 for _, _, message in pending:
                     yield message
             return
-        for place in np.argsort(spans[:, 0], kind="stable"):
+        for place in np.argsort(spans[:, 0]):
             start, offset, length = (int(number) for number in spans[place])
             number = owner[place]
             ready = bisect_left(pending, (start,))  # what is still to come begins at start or later
@@ -462,9 +458,7 @@ def _files_of(path: Path) -> list[Path]:
         return [path]
     metadata = path / "metadata.yaml"
     if not metadata.is_file():
-        raise InputError(
-            f"{path}: has no metadata.yaml; of a recording that was cut off, name the .mcap file"
-        )
+        raise InputError(f"{path}: has no metadata.yaml; of a recording that was cut off, name the .mcap file")
     try:
         if metadata.stat().st_size > _MAX_METADATA_YAML:
             raise InputError(f"{metadata}: too large to be the description of a bag")

@@ -30,6 +30,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:  # the reader of our output has gone, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
+    except OSError as error:  # a disk that is full, a folder that may not be written
+        return _refuse(InputError(f"{error.filename or 'writing'}: {error.strerror or error}"))
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
 

@@ -161,9 +161,7 @@ def _load_columns(pairs: Sequence[str], wheels: Sequence[str]) -> dict[str, str]
             raise InputError(f"--load-columns: {wheel} stands there twice")
         columns[wheel] = column
     if set(columns) != set(wheels):
-        raise InputError(
-            f"--load-columns: has {', '.join(columns)}, but --speed-columns has {', '.join(wheels)}"
-        )
+        raise InputError(f"--load-columns: has {', '.join(columns)}, but --speed-columns has {', '.join(wheels)}")
     return columns
 
 
@@ -237,9 +235,7 @@ def _read(path: Path, columns: Sequence[str], time_column: str | None, time_unit
         raise InputError(f"{path}: is not CSV: {error}") from None
 
 
-def _parse(
-    path: Path, file: TextIO, columns: Sequence[str], time_column: str | None, time_unit: str
-) -> _Table:
+def _parse(path: Path, file: TextIO, columns: Sequence[str], time_column: str | None, time_unit: str) -> _Table:
     import numpy as np
 
     head = file.readline(_MAX_LINE)
@@ -324,9 +320,7 @@ def _move_to(start_time: str | None, speed: _Table, load: _Table) -> None:
                 "(--start-time moves them, --time-unit is their unit)"
             )
     if speed.times[0] > load.times[-1] or load.times[0] > speed.times[-1]:
-        raise InputError(
-            f"{speed.path} runs {_span(speed)}, {load.path} {_span(load)}: they have no time in common"
-        )
+        raise InputError(f"{speed.path} runs {_span(speed)}, {load.path} {_span(load)}: they have no time in common")
 
 
 def _span(table: _Table) -> str:

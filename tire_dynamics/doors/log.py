@@ -102,6 +102,9 @@ class Log:
                 topic, log_time, publish_time, data = entry
                 writer.write(self._handles[topic], log_time, publish_time, data)
                 self.written += 1
+                if time.monotonic() >= due:
+                    writer.flush()
+                    due = time.monotonic() + _FLUSH_INTERVAL
 
 
 def _new_folder(directory: Path) -> Path:

@@ -312,9 +312,7 @@ class WrenchEncoder:
 
     def encode(self, stamp_ns: int, fx: float, fz: float) -> bytes:
         """One message with the force (fx, 0, fz) [N]; ``MessageError`` if the stamp is outside ROS time."""
-        return self._layout.pack(
-            _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, fx, 0.0, fz, 0.0, 0.0, 0.0
-        )
+        return self._layout.pack(_LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, fx, 0.0, fz, 0.0, 0.0, 0.0)
 
 
 class JointStateEncoder:
@@ -339,9 +337,7 @@ class JointStateEncoder:
 
     def encode(self, stamp_ns: int, velocities: Sequence[float]) -> bytes:
         """One message with the velocities [rad/s]; ``MessageError`` if the stamp is outside ROS time."""
-        return self._layout.pack(
-            _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, self._names, *velocities
-        )
+        return self._layout.pack(_LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, self._names, *velocities)
 
 
 class DeflectionEncoder:

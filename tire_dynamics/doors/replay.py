@@ -94,7 +94,7 @@ def _run(
 ) -> Summary:
     received = dict.fromkeys(wiring.inputs, 0)
     written = dict.fromkeys(wiring.outputs, 0)
-    with BagWriter(output, force=force, aside=True) as writer:
+    with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
         handles = {
             topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in wiring.inputs else "default")
             for topic, msgtype in (

@@ -89,7 +89,8 @@ def analyze(state_matrix: StateMatrix | ArrayLike, period: float, rtol: float = 
     Parameters
     ----------
     state_matrix : callable t -> (n, n) array_like, real or complex, or one such array
-        A(t) [1/s] for 0 < t < period, piecewise smooth. An array goes to `analyze_constant`.
+        A(t) [1/s] for 0 < t < period, piecewise smooth; what lasts less than a hundredth of the period may be
+        missed. An array goes to `analyze_constant`.
     period : float
         T [s], positive.
     rtol : float
