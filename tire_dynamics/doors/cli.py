@@ -141,7 +141,7 @@ def _stability(options: argparse.Namespace) -> int:
         raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be finite")
     values = complete(read_config(options.config) if options.config else {})
     try:
-        reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0)
+        reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0, values["model"])
     except ArithmeticError as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     print(json.dumps(reply, indent=2))

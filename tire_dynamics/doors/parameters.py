@@ -80,6 +80,7 @@ _TIRE_UNITS = {
     "zeta_1": "damping ratio of the n = 1 mode, in [0, 1)",
     "zeta_s": "damping ratio of the suspension, in [0, 1)",
     "zeta_n": "damping ratio of every other mode of the belt, in [0, 1)",
+    "contact_half_angle": "half the angle of the contact patch, phi_c [rad]; 0 is a point load",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
 
@@ -90,6 +91,8 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
         if name.startswith("zeta_"):
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
+        elif name == "contact_half_angle":
+            row = dataclasses.replace(row, positive=False, low=0.0, high=0.5 * math.pi)
         elif name == "sidewall_damping":
             row = dataclasses.replace(row, kind="string", positive=False, choices=("modal", "reaction"))
         rows.append(row)
@@ -104,6 +107,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_rate_hz", "double", 50.0, "ring messages per second [Hz]; at most rate_hz", 0.1, 10e3),
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
+    Parameter("model", "string", "inextensional", "of the belt", choices=("inextensional", "complete")),
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
@@ -176,6 +180,7 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
         ring_period=round(1e9 / values["ring_rate_hz"]),
         ring_samples=values["ring_samples"],
         n_max=values["n_max"],
+        model=values["model"],
         input_timeout=round(1e9 * values["input_timeout_s"]),
         max_speed=values["max_speed_rad_s"],
         max_load=values["max_load_n"],

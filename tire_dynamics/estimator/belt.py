@@ -1,18 +1,23 @@
-"""The shape of the belt, from the states of its modes."""
+"""The motion of the belt: its modes beside n = 1, and the shape that all modes make together."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..science import ring
+from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
+from ..science.wheel import Model
 
-__all__ = ["Belt", "ring_angles"]
+__all__ = ["BeltMotion", "BeltShape", "belt_numbers", "ring_angles"]
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+_MOST_HELD = 256  # steps that wait to be taken together
 
 
 def ring_angles(samples: int) -> FloatArray:
@@ -20,46 +25,118 @@ def ring_angles(samples: int) -> FloatArray:
     return 2.0 * math.pi * np.arange(samples) / samples
 
 
-class Belt:
-    """Deflection of the belt relative to the wheel centre, at fixed angles.
+def belt_numbers(n_max: int, model: Model) -> NDArray[np.int64]:
+    """The wavenumbers beside n = 1: 2..n_max, and 0 where the ring can stretch."""
+    if n_max < 2:
+        raise ValueError(f"n_max is {n_max!r}; it must be >= 2")
+    numbers = np.arange(2, n_max + 1)
+    return np.concatenate([[0], numbers]) if model == "complete" else numbers
+
+
+class BeltShape:
+    """Deflection of the belt relative to the wheel centre, at fixed angles, from the amplitudes of all modes.
+
+    Parameters
+    ----------
+    psi : array_like, shape (P,)
+        Angles fixed in space [rad].
+    numbers : array_like of int, shape (N,)
+        Wavenumbers of the modes beside n = 1.
+    """
+
+    def __init__(self, psi: ArrayLike, numbers: ArrayLike) -> None:
+        angle = np.asarray(psi, dtype=np.float64)
+        if angle.ndim != 1 or not np.isfinite(angle).all():
+            raise ValueError("psi must be a row of finite angles")
+        self._first = np.stack([np.cos(angle), np.sin(angle)])
+        phase = np.multiply.outer(np.asarray(numbers, dtype=np.float64), angle)
+        self._rest = np.concatenate([np.cos(phase), np.sin(phase)])
+
+    def deflection(self, first: FloatArray, radial: ComplexArray, tangential: ComplexArray) -> FloatArray:
+        """Radial (outward) and tangential (along increasing psi) deflection [m], shape (..., 2, P).
+
+        Parameters
+        ----------
+        first : ndarray, shape (..., 4)
+            The n = 1 part, :func:`~tire_dynamics.science.wheel.belt_amplitudes`.
+        radial, tangential : ndarray of complex, shape (..., N)
+            Z_1 and Z_2 of the others: u = Re[conj(Z) exp(i n psi)].
+        """
+        rest = np.stack([radial, tangential], axis=-2)
+        shape = np.concatenate([rest.real, rest.imag], axis=-1) @ self._rest
+        shape += np.stack([first[..., :2], first[..., 2:]], axis=-2) @ self._first
+        deflection: FloatArray = shape
+        return deflection
+
+
+class BeltMotion:
+    """The modes beside n = 1 through time, under forces that are held between changes.
+
+    Steps are noted as they come and taken together when the state is wanted or the speed changes; exactly in
+    either case.
 
     Parameters
     ----------
     unit : TireWheelUnit
-    psi : array_like, shape (P,)
-        Angles fixed in space [rad].
     n_max : int
-        Highest wavenumber, >= 2.
+    model : {"inextensional", "complete"}
     """
 
-    def __init__(self, unit: TireWheelUnit, psi: ArrayLike, n_max: int) -> None:
-        if n_max < 2:
-            raise ValueError(f"n_max is {n_max!r}; it must be >= 2")
-        angle = np.asarray(psi, dtype=np.float64)
-        if angle.ndim != 1 or not np.isfinite(angle).all():
-            raise ValueError("psi must be a row of finite angles")
-        self.unit = unit
-        self._cos, self._sin = np.cos(angle), np.sin(angle)
-        self._number = np.arange(2, n_max + 1)
-        phase = self._number[:, None] * (angle - ring.CONTACT_ANGLE)
-        self._mode_cos, self._mode_sin = np.cos(phase), np.sin(phase)
+    def __init__(self, unit: TireWheelUnit, n_max: int, model: Model) -> None:
+        self.modes = RingModes(unit, belt_numbers(n_max, model), model)
+        self._speed = 0.0
+        self._spinning = self.modes.at(0.0)
+        self._state = np.zeros(self._spinning.exponents.shape, dtype=np.complex128)
+        self._steps: list[tuple[float, float, float]] = []  # length, f_r, f_t
 
-    def deflection(self, state: FloatArray, speed: float, load: float, traction: float) -> FloatArray:
-        """Radial (outward) and tangential (along increasing psi) deflection [m], shape (2, P).
+    def replace_unit(self, unit: TireWheelUnit) -> None:
+        """Change the tire from now on. Positions and velocities go on as they are."""
+        self._take_steps()
+        self.modes = RingModes(unit, self.modes.numbers, self.modes.model)
+        self._spinning = self.modes.at(self._speed)
 
-        The n = 1 motion in the given fixed-frame state [X', Y', y', X, Y, y], relative to the wheel, plus the
-        steady response of modes 2..n_max to the present load, traction and speed, (4.5).
-        """
-        X, Y, y = state[3], state[4], state[5]
-        cosine, sine = ring.steady_amplitudes(self.unit, self._number, speed, load, traction)
-        shape = np.empty((2, self._cos.size))
-        shape[0] = _sum(cosine, self._mode_cos) + _sum(sine, self._mode_sin)
-        shape[0] += X * self._cos + (Y - y) * self._sin
-        shape[1] = _sum(sine / self._number, self._mode_cos) - _sum(cosine / self._number, self._mode_sin)
-        shape[1] += (Y - y) * self._cos - X * self._sin
-        return shape
+    def start(self, speed: float, load: float, traction: float) -> None:
+        """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
+        self._steps = []
+        self._turn_at(speed)
+        self._state = self._spinning.steady(-load, -traction)
 
+    def hold(self, length: float, speed: float, load: float, traction: float) -> None:
+        """Go on for a time [s] under a speed [rad/s], a load and a traction [N]."""
+        if speed != self._speed:
+            self._take_steps()
+            self._state = self.modes.change_speed(self._state, self._speed, speed)
+            self._turn_at(speed)
+        self._steps.append((length, -load, -traction))
+        if len(self._steps) >= _MOST_HELD:
+            self._take_steps()
 
-def _sum(amplitude: FloatArray, mode: FloatArray) -> FloatArray:
-    """sum_n amplitude_n mode_n(psi), the terms added in order: the same bits everywhere."""
-    return np.asarray(np.add.reduce(amplitude[:, None] * mode, axis=0))
+    def _turn_at(self, speed: float) -> None:
+        if speed != self._speed:
+            self._speed = speed
+            self._spinning = self.modes.at(speed)
+
+    def _take_steps(self) -> None:
+        if self._steps:
+            steps = np.array(self._steps)
+            self._state = self._spinning.hold(self._state, steps[:, 0], steps[:, 1:])
+            self._steps = []
+
+    def amplitudes(self) -> tuple[ComplexArray, ComplexArray]:
+        """Z_1 and Z_2 of the modes, shape (N,) [m]."""
+        self._take_steps()
+        return self.modes.amplitudes(self._state)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Everything that later results depend on, in JSON's types."""
+        self._take_steps()
+        return {"speed": self._speed, "state": [self._state.real.tolist(), self._state.imag.tolist()]}
+
+    def restore(self, snapshot: dict[str, Any]) -> None:
+        """Take over a :meth:`snapshot`."""
+        self._steps = []
+        self._turn_at(snapshot["speed"])
+        real, imaginary = (np.array(part) for part in snapshot["state"])
+        if real.shape != self._state.shape or imaginary.shape != self._state.shape:
+            raise ValueError(f"the belt's state has shape {real.shape}; it must be {self._state.shape}")
+        self._state = real + 1j * imaginary

@@ -9,12 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..science import wheel
+from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
-from .belt import Belt
+from .belt import BeltShape, belt_numbers
 
 __all__ = ["Response", "simulate"]
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 _BLOCK = 4096  # steps whose transitions are held at once: a few MB
 
@@ -33,7 +35,7 @@ class Response:
     wheel_displacement : ndarray, shape (N,)
         y, up positive [m].
     ring_centre : ndarray, shape (N, 2)
-        [x, z] of the ring's centre from its unloaded place [m].
+        [x, z] of the ring's centre of mass from its unloaded place [m].
     u_z, u_theta : ndarray, shape (N, P), or None
         Radial and tangential deflection of the belt relative to the wheel centre at the angles psi [m].
     """
@@ -74,7 +76,7 @@ def simulate(
         Highest wavenumber of the belt's deflection.
     psi : array_like, shape (P,), optional
         Angles fixed in space at which the belt's deflection is wanted [rad].
-    model : {"inextensional"}
+    model : {"inextensional", "complete"}
 
     Returns
     -------
@@ -88,8 +90,9 @@ def simulate(
     Notes
     -----
     The step is exact for a load and a traction that are linear over it and a constant speed; a speed that
-    changes is held at its middle value, which errs with the square of the step. The deflection is the n = 1
-    motion of the state plus the steady response (4.5) of modes 2..n_max to each sample's load and speed.
+    changes is held at its middle value, which errs with the square of the step. That holds for the n = 1 motion
+    with the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum
+    is the deflection.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():
@@ -106,52 +109,96 @@ def simulate(
         start = np.zeros(wheel.stepper(unit, model).states)
     else:
         raise ValueError(f"initial is {initial!r}; it must be 'equilibrium' or 'rest'")
-    belt = Belt(unit, psi, n_max) if psi is not None else None
+    shape = BeltShape(psi, belt_numbers(n_max, model)) if psi is not None else None
 
-    states = _integrate(unit, t, omega, force, start, model)
+    steps = _Steps(t, omega)
+    states = _integrate(unit, steps, force, start, model)
     system = wheel.fixed_frame(unit, model)
-    half = states.shape[1] // 2
     axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
-    response = Response(
+    u_z = u_theta = None
+    if shape is not None:
+        modes = RingModes(unit, belt_numbers(n_max, model), model)
+        radial, tangential = _integrate_belt(modes, steps, -force, initial == "equilibrium")
+        deflection = shape.deflection(wheel.belt_amplitudes(states, model), radial, tangential)
+        u_z, u_theta = deflection[:, 0], deflection[:, 1]
+    return Response(
         time=t,
         axle_force=axle,
         wheel_displacement=states[:, -1],
-        ring_centre=states[:, half : half + 2] * [-1.0, 1.0],  # the paper's X is -x_ros
+        ring_centre=wheel.ring_centre(states, model) * [-1.0, 1.0],  # the paper's X is -x_ros
+        u_z=u_z,
+        u_theta=u_theta,
     )
-    if belt is None:
-        return response
-    shapes = np.array([belt.deflection(z, w, f[0], f[1]) for z, w, f in zip(states, omega, force, strict=True)])
-    return Response(response.time, axle, response.wheel_displacement, response.ring_centre, shapes[:, 0], shapes[:, 1])
+
+
+class _Steps:
+    """The steps between samples: their lengths, and the speed held over each."""
+
+    def __init__(self, t: FloatArray, omega: FloatArray) -> None:
+        self.count = t.size - 1
+        self.lengths = np.diff(t)
+        if self.count:
+            mean = (t[-1] - t[0]) / self.count
+            # a regular grid is one whose stamps are regular but for their own rounding
+            if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(t).max()):
+                self.lengths = np.full(self.count, mean)
+        self.speeds = 0.5 * (omega[:-1] + omega[1:])
+        self.begin, self.end = float(omega[0]), float(omega[-1])
 
 
 def _integrate(
-    unit: TireWheelUnit, t: FloatArray, omega: FloatArray, force: FloatArray, start: FloatArray, model: wheel.Model
+    unit: TireWheelUnit, steps: _Steps, force: FloatArray, start: FloatArray, model: wheel.Model
 ) -> FloatArray:
     """Fixed-frame states at the samples, shape (N, n)."""
     stepper = wheel.stepper(unit, model)
     n = stepper.states
-    states = np.empty((t.size, n))
+    states = np.empty((steps.count + 1, n))
     states[0] = state = start
-    steps = np.diff(t)
-    speeds = 0.5 * (omega[:-1] + omega[1:])
-    mean = (t[-1] - t[0]) / max(t.size - 1, 1)
-    uniform = t.size > 1 and np.abs(steps - mean).max() <= 4.0 * np.spacing(np.abs(t).max())
-    for first in range(0, t.size - 1, _BLOCK):
-        block = slice(first, min(first + _BLOCK, t.size - 1))
+    speed = steps.begin
+    jumps = model == "complete"
+    for first in range(0, steps.count, _BLOCK):
+        block = slice(first, min(first + _BLOCK, steps.count))
         following = slice(block.start + 1, block.stop + 1)
-        h: FloatArray = np.asarray(mean) if uniform else steps[block]
-        w: FloatArray = speeds[block] if np.ptp(speeds[block]) > 0.0 else np.asarray(speeds[first])
-        transition = stepper.transitions(h, w)
+        transition = stepper.transitions(_single(steps.lengths[block]), _single(steps.speeds[block]))
         inputs = np.concatenate([force[block], force[following] - force[block]], axis=1)
         pushes = np.matmul(inputs[:, None, :], transition[:, n:])[:, 0, :]
         into = states[following]
         if len(transition) == 1:
             transition = np.broadcast_to(transition, (len(into), *transition.shape[1:]))
-        for phi, push, out in zip(transition[:, :n], pushes, into, strict=True):
+        for phi, push, held, out in zip(transition[:, :n], pushes, steps.speeds[block], into, strict=True):
+            if jumps:
+                state = wheel.change_speed(state, held - speed, model)
+                speed = held
             np.dot(state, phi, out=out)
             out += push
             state = out
     return states
+
+
+def _integrate_belt(
+    modes: RingModes, steps: _Steps, force: FloatArray, steady: bool
+) -> tuple[ComplexArray, ComplexArray]:
+    """Z_1 and Z_2 of the modes beside n = 1 at the samples, shape (N, modes); force (N, 2) is [f_r, f_t]."""
+    speed = steps.begin
+    spinning = modes.at(speed)
+    state = spinning.steady(force[0, 0], force[0, 1])
+    if not steady:
+        state = np.zeros_like(state)
+    states = np.empty((steps.count + 1, *state.shape), dtype=np.complex128)
+    states[0] = state
+    for k in range(steps.count):
+        held = float(steps.speeds[k])
+        if held != speed:
+            state = modes.change_speed(state, speed, held)
+            spinning, speed = modes.at(held), held
+        state = spinning.step(state, steps.lengths[k], force[k], force[k + 1] - force[k])
+        states[k + 1] = state
+    return modes.amplitudes(states)
+
+
+def _single(values: FloatArray) -> FloatArray:
+    """A row of equal values as one."""
+    return np.asarray(values[0]) if (values == values[0]).all() else values
 
 
 def _series(name: str, value: ArrayLike, size: int) -> FloatArray:

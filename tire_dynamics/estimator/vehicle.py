@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..science import wheel
 from ..science.unit import TireWheelUnit
-from .belt import Belt, ring_angles
+from .belt import BeltShape, belt_numbers, ring_angles
 from .wheel_estimator import WheelEstimator
 
 __all__ = ["Output", "Vehicle", "VehicleSettings", "stability_reply"]
@@ -31,6 +31,7 @@ class VehicleSettings:
     ring_period: int = 20_000_000
     ring_samples: int = 72
     n_max: int = 30
+    model: wheel.Model = "inextensional"
     input_timeout: int = 200_000_000
     max_speed: float = 1000.0
     max_load: float = 200e3
@@ -72,19 +73,21 @@ class Vehicle:
 
     def __init__(self, settings: VehicleSettings) -> None:
         self.settings = settings
-        self.estimators = [WheelEstimator(settings.unit, timeout=settings.input_timeout) for _ in settings.wheels]
+        self.estimators = [
+            WheelEstimator(settings.unit, settings.model, settings.n_max, settings.input_timeout)
+            for _ in settings.wheels
+        ]
         self.counts = [estimator.counts for estimator in self.estimators]
         self.message_counts: Counter[str] = Counter()
         self.clock_resets = 0
         self.time: int | None = None
-        self._belt = Belt(settings.unit, ring_angles(settings.ring_samples), settings.n_max)
+        self._shape = BeltShape(ring_angles(settings.ring_samples), belt_numbers(settings.n_max, settings.model))
         self.unit = settings.unit
         self._ring_turn: int | None = None
         self._joints: dict[tuple[str, ...], list[tuple[int, int]]] = {}
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire of every wheel from now on; positions and velocities go on as they are."""
-        self._belt = Belt(unit, ring_angles(self.settings.ring_samples), self.settings.n_max)
         for estimator in self.estimators:
             estimator.set_unit(unit)
         self.unit = unit
@@ -171,9 +174,7 @@ class Vehicle:
         for index, estimator in enumerate(self.estimators):
             if estimator.advance(stamp):
                 x, z = estimator.axle_force
-                belt = None
-                if belt_due:
-                    belt = self._belt.deflection(estimator.state, estimator.speed, *estimator.load)
+                belt = estimator.belt(self._shape) if belt_due else None
                 outputs.append(Output(index, x, z, belt))
         return outputs
 
@@ -195,12 +196,14 @@ class Vehicle:
     def stability(self, index: int) -> dict[str, Any]:
         """The stability reply for one wheel at its present speed; at standstill before there is a speed."""
         estimator = self.estimators[index]
-        return stability_reply(self.settings.wheels[index], self.unit, estimator.speed)
+        return stability_reply(self.settings.wheels[index], self.unit, estimator.speed, self.settings.model)
 
 
-def stability_reply(name: str, unit: TireWheelUnit, speed: float) -> dict[str, Any]:
+def stability_reply(
+    name: str, unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional"
+) -> dict[str, Any]:
     """The Floquet stability of a unit at a speed [rad/s], in the form of the service's JSON."""
-    result = wheel.stability(unit, speed)
+    result = wheel.stability(unit, speed, model)
     multipliers = result.multipliers
     return {
         "wheel": name,
@@ -210,5 +213,5 @@ def stability_reply(name: str, unit: TireWheelUnit, speed: float) -> dict[str, A
         "spectral_radius": result.spectral_radius,
         "multipliers": None if multipliers is None else [[mu.real, mu.imag] for mu in multipliers.tolist()],
         "exponents_1_s": [[value.real, value.imag] for value in result.exponents.tolist()],
-        "critical_speed_rad_s": wheel.critical_speed(unit),
+        "critical_speed_rad_s": wheel.critical_speed(unit, model),
     }

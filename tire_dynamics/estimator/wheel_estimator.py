@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..science import wheel
 from ..science.unit import TireWheelUnit
+from .belt import BeltMotion, BeltShape
 
 __all__ = ["Outcome", "WheelEstimator"]
 
@@ -77,7 +78,7 @@ def _stamp(sample: _Sample) -> int:
 
 
 class WheelEstimator:
-    """The n = 1 motion of one ring, its wheel and its suspension, in real time or faster.
+    """The motion of one ring, its wheel and its suspension, in real time or faster.
 
     Speed samples, load samples and calls of :meth:`advance` each bring their own time stamp, in integer
     nanoseconds of one common clock; the estimator reads no clock. It integrates the periodic system exactly
@@ -86,7 +87,9 @@ class WheelEstimator:
     Parameters
     ----------
     unit : TireWheelUnit
-    model : {"inextensional"}
+    model : {"inextensional", "complete"}
+    n_max : int
+        Highest wavenumber of the belt, >= 2.
     timeout : int, optional
         Age [ns] beyond which a speed or a load is no longer believed. None holds the last one for ever.
 
@@ -114,19 +117,27 @@ class WheelEstimator:
     bridged with the held values, exactly and in one step.
     """
 
-    def __init__(self, unit: TireWheelUnit, model: wheel.Model = "inextensional", timeout: int | None = None) -> None:
+    def __init__(
+        self,
+        unit: TireWheelUnit,
+        model: wheel.Model = "inextensional",
+        n_max: int = 30,
+        timeout: int | None = None,
+    ) -> None:
         self.model = model
         self.timeout = timeout if timeout is not None else _FOR_EVER
         self.counts: Counter[str] = Counter()
         self.restarts = 0
-        self.set_unit(unit)
+        self._stepper = wheel.stepper(unit, model)
+        self._belt = BeltMotion(unit, n_max, model)
+        self.unit = unit
         self.reset()
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire from now on. Positions and velocities go on as they are."""
         self._stepper = wheel.stepper(unit, self.model)
-        self._spinning = self._stepper.at(0.0)
-        self._spinning_at = 0.0
+        self._spinning = self._stepper.at(self._turning_at)
+        self._belt.replace_unit(unit)
         self.unit = unit
 
     def reset(self) -> None:
@@ -136,6 +147,8 @@ class WheelEstimator:
         self._speed = _Input()
         self._load = _Input()
         self._state = np.zeros(self._stepper.states + 2 * self._stepper.inputs)  # state, input, its change: 0
+        self._turning_at = 0.0  # the speed that the state's velocities and the steppers are for
+        self._spinning = self._stepper.at(0.0)
         self._phase = 0.0
 
     # -- samples and time -----------------------------------------------------------------------------------
@@ -184,10 +197,17 @@ class WheelEstimator:
         expiry = self._expiry()
         if self.running or expiry is None or moment > expiry:
             return
-        n = self._stepper.states
-        self._state[:n] = wheel.equilibrium(self.unit, self.speed, *self.load, self.model)
+        speed, load = self.speed, self.load
+        self._state[: self._stepper.states] = wheel.equilibrium(self.unit, speed, *load, self.model)
+        self._belt.start(speed, *load)
+        self._turn_at(speed)
         self._phase = 0.0
         self.running = True
+
+    def _turn_at(self, speed: float) -> None:
+        if speed != self._turning_at:
+            self._spinning = self._stepper.at(speed)
+            self._turning_at = speed
 
     def _expiry(self) -> int | None:
         """The last moment at which both inputs are believed; None while one is missing."""
@@ -202,13 +222,13 @@ class WheelEstimator:
             self.restarts += 1
         if self.running and self.time is not None and moment > self.time:
             n = self._stepper.states
-            speed = self.speed
-            if speed != self._spinning_at:
-                self._spinning = self._stepper.at(speed)
-                self._spinning_at = speed
+            speed, load = self.speed, self.load
+            self._state[:n] = wheel.change_speed(self._state[:n], speed - self._turning_at, self.model)
+            self._turn_at(speed)
             length = (moment - self.time) * _NANO
-            self._state[n : n + 2] = self.load
+            self._state[n : n + 2] = load
             self._state[:n] = self._spinning.step(length, self._state)
+            self._belt.hold(length, speed, *load)
             self._phase = math.fmod(self._phase + speed * length, _FULL_TURN)
         self.time = moment
 
@@ -220,7 +240,9 @@ class WheelEstimator:
             "speed": self._speed.snapshot(),
             "load": self._load.snapshot(),
             "state": self.state.tolist(),
+            "turning_at": self._turning_at,
             "phase": self._phase,
+            "belt": self._belt.snapshot(),
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -231,7 +253,9 @@ class WheelEstimator:
         self._speed.restore(snapshot["speed"])
         self._load.restore(snapshot["load"])
         self._state[: self._stepper.states] = snapshot["state"]
+        self._turn_at(snapshot["turning_at"])
         self._phase = snapshot["phase"]
+        self._belt.restore(snapshot["belt"])
 
     # -- what can be read -----------------------------------------------------------------------------------
 
@@ -259,7 +283,7 @@ class WheelEstimator:
 
     @property
     def state(self) -> FloatArray:
-        """Fixed-frame state [X', Y', y', X, Y, y] in the paper's axes [m/s, m]."""
+        """Fixed-frame state in the paper's axes, as :func:`~tire_dynamics.science.wheel.fixed_frame_matrix` has it."""
         return self._state[: self._stepper.states].copy()
 
     @property
@@ -269,11 +293,16 @@ class WheelEstimator:
 
     @property
     def ring_state(self) -> FloatArray:
-        """Ring-frame state [alpha', beta', y', alpha, beta, y] of (5.1) [m/s, m]."""
-        return wheel.rotation(self._phase, self.speed, self.model) @ self.state
+        """Ring-frame state of (5.1) [m/s, m]."""
+        return wheel.rotation(self._phase, self._turning_at, self.model) @ self.state
 
     @property
     def axle_force(self) -> tuple[float, float]:
         """Force on the axle (x, z), REP 103 axes [N]."""
         x, z = wheel.axle_force(self.unit, self.speed, self._state[: self._stepper.states], self.model).tolist()
         return x, z
+
+    def belt(self, shape: BeltShape) -> FloatArray:
+        """Radial and tangential deflection of the belt relative to the wheel centre [m], shape (2, P)."""
+        first = wheel.belt_amplitudes(self._state[: self._stepper.states], self.model)
+        return shape.deflection(first, *self._belt.amplitudes())

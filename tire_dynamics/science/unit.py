@@ -45,6 +45,9 @@ class TireWheelUnit:
         Suspension stiffness k_s [N/m].
     zeta_1, zeta_s, zeta_n : float
         Damping ratios in [0, 1): of the n = 1 mode, of the suspension, and of every other mode.
+    contact_half_angle : float
+        Half the angle of the contact patch, phi_c [rad], in [0, pi/2]; the contact force is spread evenly over it.
+        0 is the paper's point load.
     sidewall_damping : {"modal", "reaction"}
         "modal" is the paper's: damping of the ring's motion as seen from the rotating axes, with no reaction
         on the wheel. "reaction" puts the dashpots beside the sidewall springs, between belt and wheel.
@@ -68,6 +71,7 @@ class TireWheelUnit:
     zeta_1: float = 0.05
     zeta_s: float = 0.05
     zeta_n: float = 0.02
+    contact_half_angle: float = 0.0
     sidewall_damping: Literal["modal", "reaction"] = MODAL
 
     def __post_init__(self) -> None:
@@ -85,6 +89,9 @@ class TireWheelUnit:
             if field.name.startswith("zeta_"):
                 if not 0.0 <= number < 1.0:
                     raise ValueError(f"{field.name} is {number!r}; a damping ratio must be in [0, 1)")
+            elif field.name == "contact_half_angle":
+                if not 0.0 <= number <= 0.5 * math.pi:
+                    raise ValueError(f"{field.name} is {number!r}; it must be in [0, pi/2]")
             elif number <= 0.0:
                 raise ValueError(f"{field.name} is {number!r}; it must be > 0")
             object.__setattr__(self, field.name, number)

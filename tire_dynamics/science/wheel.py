@@ -28,10 +28,13 @@ from .unit import MODAL, TireWheelUnit
 __all__ = [
     "FixedFrame",
     "axle_force",
+    "belt_amplitudes",
+    "change_speed",
     "critical_speed",
     "equilibrium",
     "fixed_frame",
     "fixed_frame_matrix",
+    "ring_centre",
     "rotation",
     "stability",
     "state_matrix",
@@ -98,7 +101,7 @@ def _inextensional(unit: TireWheelUnit) -> FixedFrame:
         output[0, 0] = -c_1
         output_spin[0, [4, 5]] = [-c_1, c_1]
     force = np.zeros((6, 2))
-    force[1, 0], force[0, 1] = 1.0 / m, -1.0 / m
+    force[1, 0], force[0, 1] = _spread(unit) / m, -_spread(unit) / m
     return FixedFrame(constant, spin, force, output, output_spin)
 
 
@@ -136,8 +139,14 @@ def _complete(unit: TireWheelUnit) -> FixedFrame:
         output[0, [0, 3]] = [-c_1, c_1]
         output_spin[0, [6, 7, 9]] = [-c_1, -c_1, 2.0 * c_1]
     force = np.zeros((10, 2))
-    force[1, 0], force[3, 1] = 1.0 / half_mass, 1.0 / half_mass
+    force[1, 0], force[3, 1] = _spread(unit) / half_mass, _spread(unit) / half_mass
     return FixedFrame(constant, spin, force, output, output_spin)
+
+
+def _spread(unit: TireWheelUnit) -> float:
+    """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
+    half = unit.contact_half_angle
+    return math.sin(half) / half if half else 1.0
 
 
 @lru_cache(maxsize=256)
@@ -165,6 +174,57 @@ def axle_force(unit: TireWheelUnit, speed: float, state: FloatArray, model: Mode
     system = fixed_frame(unit, model)
     force: FloatArray = np.add.reduce((system.output + speed * system.output_spin).T * state[:, None], axis=0)
     return force
+
+
+def change_speed(state: FloatArray, change: float, model: Model = "inextensional") -> FloatArray:
+    """The fixed-frame state after a jump of the speed [rad/s].
+
+    Notes
+    -----
+    In the fixed frame the Euler terms of the complete model are i Omega' (Z_1 - i Z_2) in Z_1'' and
+    -Omega' (Z_1 - i Z_2) in Z_2'', with Z_1 - i Z_2 = (X + V) + i (Y - U). They vanish for a ring that does not
+    stretch, where U = Y and V = -X.
+    """
+    if model == "inextensional" or change == 0.0:
+        return state
+    X, Y, U, V = state[5:9]
+    jumped = state.copy()
+    jumped[0] -= change * (Y - U)
+    jumped[1] += change * (X + V)
+    jumped[2] -= change * (X + V)
+    jumped[3] -= change * (Y - U)
+    return jumped
+
+
+def belt_amplitudes(state: FloatArray, model: Model = "inextensional") -> FloatArray:
+    """The n = 1 deflection of the belt relative to the wheel centre, from fixed-frame states.
+
+    Parameters
+    ----------
+    state : ndarray, shape (..., 6) or (..., 10)
+
+    Returns
+    -------
+    ndarray, shape (..., 4)
+        (a, b, c, d) of u_z = a cos psi + b sin psi and u_theta = c cos psi + d sin psi [m].
+    """
+    y = state[..., -1]
+    if model == "inextensional":
+        X, Y = state[..., 3], state[..., 4]
+        return np.stack([X, Y - y, Y - y, -X], axis=-1)
+    X, Y, U, V = (state[..., k] for k in range(5, 9))
+    return np.stack([X, Y - y, U - y, V], axis=-1)
+
+
+def ring_centre(state: FloatArray, model: Model = "inextensional") -> FloatArray:
+    """The ring's centre of mass (X, Y) in the paper's axes [m], shape (..., 2), from fixed-frame states.
+
+    The mean of u_z e_r + u_theta e_theta over the ring: ((X - V)/2, (Y + U)/2), which is (X, Y) if it cannot stretch.
+    """
+    if model == "inextensional":
+        return state[..., 3:5]
+    X, Y, U, V = (state[..., k] for k in range(5, 9))
+    return 0.5 * np.stack([X - V, Y + U], axis=-1)
 
 
 def fixed_frame_matrix(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloatArray:
