@@ -334,7 +334,8 @@ class TireDynamicsNode(Node):
             "stability": reply["verdict"],
             "spectral radius": "-" if radius is None else f"{radius:.6f}",
             "critical speed [rad/s]": "none" if critical is None else f"{critical:.2f}",
-            "stops for stale inputs": estimator.restarts,
+            "stops for stale inputs": estimator.stops,
+            "stops for divergence": estimator.divergences,
             **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},
         }
         return self._status(vehicle.settings.wheels[index], level, summary, values)

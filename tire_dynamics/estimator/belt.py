@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,8 @@ def ring_angles(samples: int) -> FloatArray:
 
 def belt_numbers(n_max: int, model: Model) -> NDArray[np.int64]:
     """The wavenumbers beside n = 1: 2..n_max, and 0 where the ring can stretch."""
-    if n_max < 2:
-        raise ValueError(f"n_max is {n_max!r}; it must be >= 2")
+    if not isinstance(n_max, Integral) or n_max < 2:
+        raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 2")
     numbers = np.arange(2, n_max + 1)
     return np.concatenate([[0], numbers]) if model == "complete" else numbers
 

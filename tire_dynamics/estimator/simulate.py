@@ -109,7 +109,8 @@ def simulate(
         start = np.zeros(wheel.stepper(unit, model).states)
     else:
         raise ValueError(f"initial is {initial!r}; it must be 'equilibrium' or 'rest'")
-    shape = BeltShape(psi, belt_numbers(n_max, model)) if psi is not None else None
+    numbers = belt_numbers(n_max, model)
+    shape = BeltShape(psi, numbers) if psi is not None else None
 
     steps = _Steps(t, omega)
     states = _integrate(unit, steps, force, start, model)
@@ -117,7 +118,7 @@ def simulate(
     axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
     u_z = u_theta = None
     if shape is not None:
-        modes = RingModes(unit, belt_numbers(n_max, model), model)
+        modes = RingModes(unit, numbers, model)
         radial, tangential = _integrate_belt(modes, steps, -force, initial == "equilibrium")
         deflection = shape.deflection(wheel.belt_amplitudes(states, model), radial, tangential)
         u_z, u_theta = deflection[:, 0], deflection[:, 1]

@@ -23,6 +23,7 @@ FloatArray = NDArray[np.float64]
 _NANO: Final = 1e-9
 _FULL_TURN: Final = 2.0 * math.pi
 _FOR_EVER: Final = 2**70
+_BEYOND_ALL_BOUNDS: Final = 1e6  # [m/s] and [m]
 
 
 class _Sample(NamedTuple):
@@ -65,7 +66,7 @@ class _Input:
             self.in_force = self._waiting.pop(0)
 
     def snapshot(self) -> list[Any]:
-        return [self.in_force, self._waiting]
+        return [self.in_force, list(self._waiting)]
 
     def restore(self, snapshot: list[Any]) -> None:
         in_force, waiting = snapshot
@@ -115,6 +116,10 @@ class WheelEstimator:
     which both are known and neither is older than the timeout. When one of them becomes older than the timeout
     the motion stops; it starts again from equilibrium by the same rule. A gap shorter than the timeout is
     bridged with the held values, exactly and in one step.
+
+    A unit that is driven beyond its stability limit grows without bound. Once any velocity or displacement exceeds
+    1e6 m/s or m, the motion is given up, counted in ``divergences``, and starts again from equilibrium when the
+    unit is no longer unstable at the speed in force.
     """
 
     def __init__(
@@ -127,7 +132,8 @@ class WheelEstimator:
         self.model = model
         self.timeout = timeout if timeout is not None else _FOR_EVER
         self.counts: Counter[str] = Counter()
-        self.restarts = 0
+        self.stops = 0  # for inputs that were too old
+        self.divergences = 0
         self._stepper = wheel.stepper(unit, model)
         self._belt = BeltMotion(unit, n_max, model)
         self.unit = unit
@@ -144,6 +150,7 @@ class WheelEstimator:
         """Forget every sample, the state and the time."""
         self.time: int | None = None
         self.running = False
+        self._diverged = False
         self._speed = _Input()
         self._load = _Input()
         self._state = np.zeros(self._stepper.states + 2 * self._stepper.inputs)  # state, input, its change: 0
@@ -198,6 +205,9 @@ class WheelEstimator:
         if self.running or expiry is None or moment > expiry:
             return
         speed, load = self.speed, self.load
+        if self._diverged and wheel.is_unstable(self.unit, speed, self.model):
+            return
+        self._diverged = False
         self._state[: self._stepper.states] = wheel.equilibrium(self.unit, speed, *load, self.model)
         self._belt.start(speed, *load)
         self._turn_at(speed)
@@ -219,7 +229,7 @@ class WheelEstimator:
     def _move(self, moment: int) -> None:
         if self.running and moment > (self._expiry() or 0):
             self.running = False
-            self.restarts += 1
+            self.stops += 1
         if self.running and self.time is not None and moment > self.time:
             n = self._stepper.states
             speed, load = self.speed, self.load
@@ -228,6 +238,9 @@ class WheelEstimator:
             length = (moment - self.time) * _NANO
             self._state[n : n + 2] = load
             self._state[:n] = self._spinning.step(length, self._state)
+            if not np.abs(self._state[:n]).max() < _BEYOND_ALL_BOUNDS:  # true for NaN as well
+                self.running, self._diverged = False, True
+                self.divergences += 1
             self._belt.hold(length, speed, *load)
             self._phase = math.fmod(self._phase + speed * length, _FULL_TURN)
         self.time = moment
@@ -237,6 +250,7 @@ class WheelEstimator:
         return {
             "time": self.time,
             "running": self.running,
+            "diverged": self._diverged,
             "speed": self._speed.snapshot(),
             "load": self._load.snapshot(),
             "state": self.state.tolist(),
@@ -250,6 +264,7 @@ class WheelEstimator:
         self.reset()
         self.time = snapshot["time"]
         self.running = snapshot["running"]
+        self._diverged = snapshot["diverged"]
         self._speed.restore(snapshot["speed"])
         self._load.restore(snapshot["load"])
         self._state[: self._stepper.states] = snapshot["state"]

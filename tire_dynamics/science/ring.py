@@ -165,7 +165,7 @@ def steady_response(
 def _check(unit: TireWheelUnit, n: int, speed: float, model: str, lowest: int) -> None:
     if model not in ("complete", "inextensional", "hybrid"):
         raise ValueError(f"model is {model!r}; it must be 'complete', 'inextensional' or 'hybrid'")
-    if int(n) != n or n < lowest:
+    if not math.isfinite(n) or int(n) != n or n < lowest:
         raise ValueError(f"n is {n!r}; model {model!r} needs an integer >= {lowest}")
     if not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")

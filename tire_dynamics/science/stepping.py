@@ -52,9 +52,10 @@ class ExactStepper:
     ) -> None:
         self.states, self.inputs = inputs.shape
         self.top_speed = top_speed
+        self.order = len(terms) - 1  # in the speed
         balance = scale / scale[:, None]
         norm = sum(float((np.abs(term) * balance).sum(axis=1).max()) * top_speed**k for k, term in enumerate(terms))
-        self.longest_step = 2.0 ** math.floor(math.log2(_LONGEST / norm))  # [s]; a power of two scales exactly
+        self.longest_step = 2.0 ** (math.frexp(_LONGEST / norm)[1] - 1)  # [s]; a power of two scales exactly
         drive = float((np.abs(inputs) / scale[:, None]).max()) * self.longest_step or 1.0
         forced = np.repeat(1.0 / (scale[:, None] * drive), 2 * self.inputs, axis=1)
         self.table = self._tabulate(terms, inputs, np.concatenate([balance, forced], axis=1))
@@ -93,6 +94,12 @@ class ExactStepper:
                 table[j, k] = coefficient.T
         return table
 
+    def limit(self, speed: float) -> float:
+        """The longest step [s] that is evaluated directly at a speed >= 0: no term outgrows its size in the table."""
+        if speed <= self.top_speed:
+            return self.longest_step
+        return self.longest_step * (self.top_speed / speed) ** self.order
+
     def at(self, speed: float) -> SpinningStepper:
         """The stepper at a constant speed [rad/s]."""
         return SpinningStepper(self, speed)
@@ -112,8 +119,7 @@ class ExactStepper:
         ndarray, shape (N, n + 2 m, n)
         """
         J, K, rows, n = self.table.shape
-        fastest = max(float(np.abs(speeds).max()), self.top_speed)
-        doublings = _doublings(float(np.max(steps)), self.longest_step * (self.top_speed / fastest))
+        doublings = _doublings(float(np.max(steps)), self.limit(float(np.abs(speeds).max())))
         eta = np.asarray(steps)[..., None] / (self.longest_step * 2.0**doublings)
         omega = np.asarray(speeds)[..., None] / self.top_speed
         in_step, in_speed = eta ** np.arange(J), omega ** np.arange(K)
@@ -136,7 +142,7 @@ class SpinningStepper:
 
     def __init__(self, stepper: ExactStepper, speed: float) -> None:
         self._states, self._inputs = stepper.states, stepper.inputs
-        self._limit = stepper.longest_step * min(1.0, stepper.top_speed / max(abs(speed), 1e-300))
+        self._limit = stepper.limit(abs(speed))
         self._unit_step = stepper.longest_step
         J, K, rows, n = stepper.table.shape
         powers = _powers(speed / stepper.top_speed, K)
@@ -176,7 +182,8 @@ class SpinningStepper:
 
 
 def _doublings(length: float, limit: float) -> int:
-    return max(0, math.ceil(math.log2(length / limit))) if length > limit else 0
+    mantissa, exponent = math.frexp(length / limit)
+    return max(0, exponent - (mantissa == 0.5))
 
 
 def _double(transition: FloatArray, squared: FloatArray, n: int, m: int) -> FloatArray:

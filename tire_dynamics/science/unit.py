@@ -83,7 +83,10 @@ class TireWheelUnit:
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 raise ValueError(f"{field.name} is {value!r}; it must be a number")
-            number = float(value)
+            try:
+                number = float(value)
+            except OverflowError:
+                number = math.inf
             if not math.isfinite(number):
                 raise ValueError(f"{field.name} is {number!r}; it must be finite")
             if field.name.startswith("zeta_"):
@@ -97,6 +100,23 @@ class TireWheelUnit:
             object.__setattr__(self, field.name, number)
         if self.thickness >= self.radius:
             raise ValueError(f"thickness is {self.thickness!r}; a thin ring needs thickness < radius = {self.radius!r}")
+
+        if not all(0.0 < size < math.inf for size in self._sizes()):
+            raise ValueError("the fields are each in bounds, but together beyond what numbers of double precision hold")
+
+    def _sizes(self) -> tuple[float, ...]:
+        try:
+            return (
+                self.ring_mass,
+                self.sidewall_stiffness,
+                self.rigid_mode_frequency,
+                self.bending_stiffness / self.radius**4 / self.surface_density,
+                self.membrane_stiffness / self.radius**2 / self.surface_density,
+                self.sidewall_stiffness / self.wheel_mass,
+                self.suspension_stiffness / self.wheel_mass,
+            )
+        except (ZeroDivisionError, OverflowError):
+            return (math.inf,)
 
     # -- derived quantities ---------------------------------------------------------------------------------
 

@@ -34,6 +34,7 @@ __all__ = [
     "equilibrium",
     "fixed_frame",
     "fixed_frame_matrix",
+    "is_unstable",
     "ring_centre",
     "rotation",
     "stability",
@@ -72,10 +73,14 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
     """
     if model == "inextensional":
-        return _inextensional(unit)
-    if model == "complete":
-        return _complete(unit)
-    raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+        system = _inextensional(unit)
+    elif model == "complete":
+        system = _complete(unit)
+    else:
+        raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+    for matrix in system:
+        matrix.setflags(write=False)  # they are shared
+    return system
 
 
 def _inextensional(unit: TireWheelUnit) -> FixedFrame:
@@ -358,7 +363,14 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
         multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega).
     """
     F = fixed_frame_matrix(unit, speed, model)
-    return floquet.analyze_constant(F, 2.0 * math.pi / abs(speed) if speed else None)
+    period = 2.0 * math.pi / abs(speed) if abs(speed) > 1e-300 else None
+    return floquet.analyze_constant(F, period)
+
+
+@lru_cache(maxsize=1024)
+def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> bool:
+    """Whether the verdict of :func:`stability` at this speed is "unstable"; remembered."""
+    return stability(unit, speed, model).verdict == "unstable"
 
 
 @lru_cache(maxsize=256)
@@ -393,9 +405,11 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     noise = 1e-12 * size  # an undamped unit stays on the axis, but for rounding
     edges = np.concatenate([[0.0], candidates, [2.0 * candidates[-1]]]) if candidates.size else np.zeros(1)
     middles = 0.5 * (edges[:-1] + edges[1:])
-    for before, after in zip(middles[:-1], middles[1:], strict=True):
+    for candidate, before, after in zip(candidates, middles[:-1], middles[1:], strict=True):
         if abscissa(before) <= noise < abscissa(after):
-            return float(optimize.brentq(lambda speed: abscissa(speed) - noise, before, after, xtol=1e-6))
+            if abscissa(before) < 0.0:
+                return float(optimize.brentq(abscissa, before, after, xtol=1e-6))
+            return float(candidate)
     return None
 
 

@@ -12,15 +12,15 @@ __all__ = ["read_yaml", "yaml_number"]
 
 
 def read_yaml(path: str | PathLike[str]) -> dict[str, Any]:
-    """The mapping in a YAML file, with numbers like ``5.80e6`` read as numbers and no key given twice.
+    """The mapping in a YAML file, its plain values read as YAML 1.2 reads them, and no key given twice.
 
-    YAML 1.1, which PyYAML follows, takes a number without a signed exponent or a dot for text, and keeps the
-    last of two equal keys; both would change a tire without a word.
+    YAML 1.1, which PyYAML follows, takes ``5.80e6`` for text, ``010`` for eight, ``1:30`` for ninety and ``no`` for
+    false, and the last of two equal keys for both; each would change a tire without a word.
     """
     with open(path, encoding="utf-8") as file:
         try:
             content = yaml.load(file, Loader=_Loader)
-        except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        except _NOT_YAML as error:
             raise ValueError(f"{path} is not YAML: {' '.join(str(error).split())}") from None
     if not isinstance(content, dict):
         raise ValueError(f"{path} holds no mapping of names to values")
@@ -36,8 +36,12 @@ def yaml_number(value: float) -> str:
     return text
 
 
+# What PyYAML raises on text that is not what it is said to be, its constructors included.
+_NOT_YAML = (yaml.YAMLError, ValueError, TypeError, AttributeError, LookupError, RecursionError)
+
+
 class _Loader(yaml.SafeLoader):
-    pass
+    yaml_implicit_resolvers: dict[str, Any] = {}
 
 
 def _construct_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:
@@ -52,12 +56,15 @@ def _construct_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any
     return mapping
 
 
-def _construct_number(loader: _Loader, node: yaml.ScalarNode) -> float:
-    return float(loader.construct_scalar(node))
-
-
 _Loader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _construct_mapping)
-_NUMBER_TAG = "tag:yaml.org,2002:number"
-_Loader.add_constructor(_NUMBER_TAG, _construct_number)
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$")
-_Loader.add_implicit_resolver(_NUMBER_TAG, _NUMBER, list("-+.0123456789"))
+for _tag, _pattern, _first in (
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("null", r"~|null|Null|NULL|", ["~", "n", "N", ""]),
+    ("int", r"[-+]?(?:0|[1-9][0-9]*)", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)",
+        "-+.0123456789",
+    ),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})$"), list(_first))

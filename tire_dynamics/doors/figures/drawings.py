@@ -34,7 +34,7 @@ from .tables import (
 )
 
 WIDTH = 6.6  # of every figure [in]
-STYLE = {
+STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
     "figure.constrained_layout.w_pad": 0.06,
     "savefig.dpi": 200,
@@ -65,21 +65,23 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "#b07cc6", "linestyle": (0, (7, 1.4, 1, 1.4, 1, 1.4))},
 )
 REMARK: dict[str, Any] = {"color": "0.25", "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
-MARKERS = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "white", "markeredgewidth": 0.8}
+MARKERS: dict[str, Any] = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "white", "markeredgewidth": 0.8}
 DAMPING_TITLES = {MODAL: "Modal damping, as in the paper", REACTION: "Damping with a reaction on the wheel"}
 MODE_NAMES = dict(zip(WHEEL_MODES, ("wheel hop", "ring fore-aft", "ring vertical"), strict=True))
 
 
 def save(path: Path, draw: Callable[[Table], Figure], table: Table) -> None:
     """Draw a table and write the figure as PNG."""
-    with matplotlib.rc_context({**matplotlib.rcParamsDefault, **STYLE}):
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()  # whatever the user's own style is
+        matplotlib.rcParams.update(STYLE)
         draw(table).savefig(path, format="png", metadata={"Software": None}, pil_kwargs={"optimize": True})
 
 
 def fig3(table: Table) -> Figure:
     """Radial deflection around the belt."""
     figure, axes = _panels(2, 1, 4.6, sharex=True)
-    titles = ("Rotating: with Coriolis, centrifugal and hoop-tension terms", "Hybrid: the same without the Coriolis terms")
+    titles = ("Rotating: Coriolis, centrifugal and hoop-tension terms", "Hybrid: the same without the Coriolis terms")
     angle = table["angle_from_contact_deg"]
     for ax, model, title in zip(axes.flat, BELT_MODELS, titles, strict=True):
         for rpm, line in zip(FIG3_RPM, LINES, strict=False):
@@ -198,7 +200,7 @@ def fig6_damping(table: Table) -> Figure:
         ax.set_ylabel(label)
     axes[0, 0].set_ylim(0, 1.05)
     axes[0, 1].set_ylim(-0.1, 4.6)
-    axes[0, 1].legend(loc="upper center", ncols=2)
+    axes[0, 1].legend(loc="upper left", ncols=2, handlelength=2.2, handletextpad=0.5, columnspacing=1.0)
     return figure
 
 
@@ -233,7 +235,7 @@ def campbell(table: Table) -> Figure:
     for n, line in zip(CAMPBELL_MODES, LINES, strict=False):
         waves[0].plot(table["speed_rpm"], n * table["speed_rpm"] / 60.0, **{**line, "color": "0.6", "linewidth": 0.8})
     labels = ("Frequency on the ring [Hz]", "Frequency in the fixed frame [Hz]", "Decay rate, in both frames [1/s]")
-    for column, highest in zip(axes.T, ((450, 750, 30), (300, 150, 30)), strict=True):
+    for column, highest in zip(axes.T, ((450, 750, 30), (300, 120, 30)), strict=True):
         for ax, limit in zip(column, highest, strict=True):
             ax.set(ylim=(0, limit))
         ax.set(xlabel="Speed [rpm]", xlim=(0, 6000))
@@ -242,7 +244,7 @@ def campbell(table: Table) -> Figure:
     waves[0].set_title("Waves $n = 2, 3, 4$")
     centre[0].set_title("Ring centre and wheel, $n = 1$")
     modes = [Line2D([], [], label=f"$n = {n}$", **line) for n, line in zip(CAMPBELL_MODES, LINES, strict=False)]
-    load = Line2D([], [], color="0.6", linewidth=0.8, label=r"load fixed in space, $n\Omega/2\pi$")
+    load = Line2D([], [], color="0.6", linewidth=0.8, label=r"fixed load, $n\Omega/2\pi$")
     waves[0].legend(handles=[*modes, load], loc="upper left")
     waves[1].legend(handles=[_mark("v", "complete, backward"), _mark("^", "complete, forward")], loc="upper left")
     names = [Line2D([], [], label=MODE_NAMES[mode], **line) for mode, line in zip(WHEEL_MODES, LINES, strict=False)]
@@ -255,7 +257,7 @@ def _both_models(ax: Axes, table: Table, quantity: str, motion: str, line: dict[
     """The inextensional model's line and the complete model's marks on it."""
     inextensional, complete = (table[quantity.format(model, motion)] for model in WHEEL_MODELS)
     ax.plot(table["speed_rpm"], inextensional, **line)
-    some = slice(5, None, 10)
+    some = slice(10, None, 20)
     ax.plot(table["speed_rpm"][some], complete[some], color=line["color"], marker=marker, **MARKERS)
 
 
@@ -268,7 +270,7 @@ def multipliers(table: Table) -> Figure:
     figure, axes = _panels(1, 2, 3.5)
     plane, modulus = axes[0]
     speed = table["speed_rpm"]
-    some = slice(None, None, 120)
+    some = slice(None, None, 500)
     for mode, line in zip(WHEEL_MODES, LINES, strict=False):
         real, imag, size = (table[f"{mode}_{part}"] for part in ("real", "imag", "modulus"))
         for ax, x, y in ((plane, real, imag), (modulus, speed, size)):
@@ -277,9 +279,7 @@ def multipliers(table: Table) -> Figure:
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
     plane.plot(np.cos(turn), np.sin(turn), color="0.4", linewidth=0.8)
     low, high = speed[[0, -1]]
-    plane.text(
-        0.0, 0.0, f"circles: every {speed[120] - low:.0f} rpm,\n{low:.0f} to {high:.0f} rpm", ha="center", **REMARK
-    )
+    plane.set_title("Circles at the same speeds as on the right;\nthe complex conjugates are not drawn")
     plane.set(xlabel=r"Real part of $\mu$ [-]", ylabel=r"Imaginary part of $\mu$ [-]", aspect="equal")
     plane.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), xticks=np.arange(-1.0, 1.1, 0.5), yticks=np.arange(-1.0, 1.1, 0.5))
     critical = np.interp(1.0, table["ring_vertical_modulus"], speed)

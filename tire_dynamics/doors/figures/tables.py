@@ -16,28 +16,31 @@ from scipy import optimize
 
 from ...estimator.simulate import simulate
 from ...science import ring, wheel
+from ...science.coefficients import Model
+from ...science.modes import RingModes
 from ...science.unit import MODAL, REACTION, TireWheelUnit
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 Table = dict[str, FloatArray]
 
-RPM = math.pi / 30.0  # [rad/s]
+TURN = 2.0 * math.pi  # [rad]
+RPM = TURN / 60.0  # [rad/s]
 LOAD = 1961.33  # 200 kgf [N]
 
-BELT_MODELS = ("inextensional", "hybrid")  # the paper's "rotating" and "hybrid"
+BELT_MODELS: tuple[Model, ...] = ("inextensional", "hybrid")  # the paper's "rotating" and "hybrid"
 FIG3_RPM = (0, 800, 1600, 3600)
 FIG4_MODES = (2, 3, 4)
 FIG5_CASES = ((0, 0.05), (2000, 0.05), (2000, 0.5))  # speed [rpm], zeta_s
 FIG6_ZETA_1 = (0.02, 0.05, 0.1, 0.2, 0.5)
 FIG7_ZETA_S = (0.05, 0.5)
 DAMPINGS = (MODAL, REACTION)
-WHEEL_MODELS = ("inextensional", "complete")
+WHEEL_MODELS: tuple[wheel.Model, ...] = ("inextensional", "complete")
 CAMPBELL_MODES = (2, 3, 4)
 WAVES = ("backward", "forward")  # seen from the ring: against its spin and along it
 WHEEL_MODES = ("wheel_hop", "ring_fore_aft", "ring_vertical")  # of n = 1, by frequency, named as they are at rest
 
-SIDES = {"plus": 1.0, "minus": -1.0}
+SIDES = {"plus": 1.0, "minus": -1.0}  # what Omega adds to their frequencies on the ring
 
 
 def fig3() -> Table:
@@ -68,7 +71,8 @@ def fig4() -> Table:
         cosine, sine = np.moveaxis(np.array(amplitudes), 1, 0)  # (speeds, modes) each
         amplitude = np.hypot(cosine, sine)
         phase = np.arctan2(-sine, -cosine)  # the load pushes inward: u_z = -amplitude cos(n (psi - psi_0) - phase)
-        compliance = np.array([ring.steady_amplitudes(undamped, modes, rpm * RPM, LOAD, model=model)[0] for rpm in speed])
+        amplitudes = [ring.steady_amplitudes(undamped, modes, rpm * RPM, LOAD, model=model) for rpm in speed]
+        compliance = np.array(amplitudes)[:, 0]
         for column, n in enumerate(FIG4_MODES):
             table[f"amplitude_ratio_{model}_n_{n}"] = amplitude[:, column] / amplitude[0, column]
             table[f"lag_{model}_n_{n}_deg"] = np.degrees(phase[:, column]) / n
@@ -81,9 +85,9 @@ def hybrid_critical_speed(unit: TireWheelUnit, n: int) -> float:
 
     Notes
     -----
-    There the mode's wave runs backward around the ring as fast as the ring turns, so that it stands in space. On
-    an inextensible ring g_n = omega_n^2 + n^2 Omega^2 (n^2 - 3)/(n^2 + 1), hence Omega is close to
-    (omega_n/2) sqrt(1 + 1/n^2), and always below omega_n.
+    There the mode's wave runs backward around the ring as fast as the ring turns, so that it stands in space. In
+    the limit of large K, g_n = omega_n^2 + n^2 Omega^2 (n^2 - 3)/(n^2 + 1) and this is at
+    (omega_n/2) sqrt(1 + 1/n^2), well below omega_n.
     """
 
     def excess(speed: float) -> float:
@@ -165,18 +169,19 @@ def campbell() -> Table:
     speed = np.linspace(0.0, 6000.0, 121)
     table = {"speed_rpm": speed}
     for model in WHEEL_MODELS:
-        for n in CAMPBELL_MODES:
-            fixed = np.array([wave_exponents(unit, n, rpm * RPM, model) for rpm in speed])
-            for wave, exponent in zip(WAVES, fixed.T, strict=True):
+        modes = RingModes(unit, CAMPBELL_MODES, model)
+        waves = np.array([wave_exponents(modes, rpm * RPM) for rpm in speed])
+        for n, both in zip(CAMPBELL_MODES, np.moveaxis(waves, 0, 2), strict=True):
+            for wave, exponent in zip(WAVES, both, strict=True):
                 case = f"{model}_n_{n}_{wave}"
-                table[f"ring_frame_{case}_Hz"] = np.abs(exponent.imag - n * speed * RPM) / (2.0 * math.pi)
-                table[f"fixed_frame_{case}_Hz"] = np.abs(exponent.imag) / (2.0 * math.pi)
+                table[f"ring_frame_{case}_Hz"] = np.abs(exponent.imag - n * speed * RPM) / TURN
+                table[f"fixed_frame_{case}_Hz"] = np.abs(exponent.imag) / TURN
                 table[f"decay_rate_{case}_1_s"] = -exponent.real
         exponents = np.array([wheel_exponents(unit, rpm * RPM, model) for rpm in speed])
         for mode, exponent in zip(WHEEL_MODES, exponents.T, strict=True):
-            table[f"fixed_frame_{model}_{mode}_Hz"] = exponent.imag / (2.0 * math.pi)
+            table[f"fixed_frame_{model}_{mode}_Hz"] = exponent.imag / TURN
             for side, sign in SIDES.items():
-                table[f"ring_frame_{model}_{mode}_{side}_Hz"] = np.abs(exponent.imag + sign * speed * RPM) / (2.0 * math.pi)
+                table[f"ring_frame_{model}_{mode}_{side}_Hz"] = np.abs(exponent.imag + sign * speed * RPM) / TURN
             table[f"decay_rate_{model}_{mode}_1_s"] = -exponent.real
     return table
 
@@ -187,10 +192,10 @@ def multipliers() -> Table:
     The other three are their complex conjugates.
     """
     unit = TireWheelUnit.table_1(zeta_1=0.05, zeta_s=0.05)
-    speed = np.linspace(3000.0, 27000.0, 961)
+    speed = np.linspace(2000.0, 27000.0, 2501)
     table = {"speed_rpm": speed}
     exponents = np.array([wheel_exponents(unit, rpm * RPM) for rpm in speed])
-    values = np.exp(exponents * (2.0 * math.pi / (speed * RPM))[:, None])
+    values = np.exp(exponents * (TURN / (speed * RPM))[:, None])
     for mode, value in zip(WHEEL_MODES, values.T, strict=True):
         table[f"{mode}_real"] = value.real
         table[f"{mode}_imag"] = value.imag
@@ -198,36 +203,19 @@ def multipliers() -> Table:
     return table
 
 
-def wave_exponents(unit: TireWheelUnit, n: int, speed: float, model: str) -> ComplexArray:
-    """Exponents [1/s] in the fixed frame of the slower two waves n >= 2, backward and forward on the ring.
-
-    Notes
-    -----
-    Of w = alpha + i beta in (3.10), and for the complete model of z_1 = alpha + i beta and z_2 = xi + i eta in
-    (3.2), which the fixed frame multiplies by exp(i n Omega t).
-    """
-    A, B, C, determinant = (float(value) for value in ring.coefficients(unit, n, speed))
-    d = float(ring.mode_damping(unit, n, "complete" if model == "complete" else "inextensional"))
-    if model == "complete":
-        one, zero = np.eye(2), np.zeros((2, 2))
-        velocity = np.array([[d, -2.0 * speed], [2.0 * speed, d]])
-        stiffness = np.array([[B, -1j * A], [1j * A, C]])
-        on_ring = np.linalg.eigvals(np.block([[zero, one], [-stiffness, -velocity]]))
-    else:
-        g, coriolis = n * determinant / (A + n * C), 2.0 * speed * (C + n * A) / (A + n * C)
-        on_ring = np.roots([1.0, d + 1j * coriolis, g])
-    on_ring = on_ring[np.argsort(on_ring.imag)]
-    middle = len(on_ring) // 2
-    slower: ComplexArray = on_ring[middle - 1 : middle + 1] + 1j * n * speed
-    return slower
+def wave_exponents(modes: RingModes, speed: float) -> ComplexArray:
+    """Exponents [1/s] in the fixed frame of each mode's slower two waves, shape (N, 2): backward, forward on the ring."""
+    exponents = modes.at(speed).exponents
+    order = np.argsort(exponents.imag, axis=1)
+    middle = order.shape[1] // 2
+    return np.take_along_axis(exponents, order[:, middle - 1 : middle + 1], axis=1)
 
 
 def wheel_exponents(unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional") -> ComplexArray:
     """Exponents [1/s] of n = 1 with the wheel, fixed frame, positive frequency: the slowest three, ascending."""
     exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, speed, model))
     exponents = exponents[exponents.imag > 0.0]
-    slowest: ComplexArray = exponents[np.argsort(exponents.imag)][: len(WHEEL_MODES)]
-    return slowest
+    return np.asarray(exponents[np.argsort(exponents.imag)][: len(WHEEL_MODES)], dtype=np.complex128)
 
 
 def write_csv(path: Path, table: Table) -> None:
