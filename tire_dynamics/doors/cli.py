@@ -80,6 +80,12 @@ def _parser() -> argparse.ArgumentParser:
     csv_import.add_arguments(command)
     command.set_defaults(run=csv_import.run)
 
+    command = commands.add_parser("figures", help="redraw the paper's figures, with their numbers as CSV")
+    from . import figures
+
+    figures.add_arguments(command)
+    command.set_defaults(run=figures.run)
+
     command = commands.add_parser("stability", help="Floquet stability at a speed, as JSON")
     command.add_argument("--speed-rpm", metavar="R", type=float, required=True, help="speed of the wheel [rpm]")
     command.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")

@@ -10,13 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..science import wheel
 from ..science.modes import RingModes
+from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
 from .belt import BeltShape, belt_numbers
 
 __all__ = ["Response", "simulate"]
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 _BLOCK = 4096  # steps whose transitions are held at once: a few MB
 
@@ -112,15 +112,15 @@ def simulate(
     numbers = belt_numbers(n_max, model)
     shape = BeltShape(psi, numbers) if psi is not None else None
 
-    steps = _Steps(t, omega)
+    steps = Steps(t, omega)
     states = _integrate(unit, steps, force, start, model)
     system = wheel.fixed_frame(unit, model)
     axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
     u_z = u_theta = None
     if shape is not None:
         modes = RingModes(unit, numbers, model)
-        radial, tangential = _integrate_belt(modes, steps, -force, initial == "equilibrium")
-        deflection = shape.deflection(wheel.belt_amplitudes(states, model), radial, tangential)
+        amplitudes = modes.amplitudes(modes.integrate(steps, -force, steady=initial == "equilibrium"))
+        deflection = shape.deflection(wheel.belt_amplitudes(states, model), *amplitudes)
         u_z, u_theta = deflection[:, 0], deflection[:, 1]
     return Response(
         time=t,
@@ -132,30 +132,15 @@ def simulate(
     )
 
 
-class _Steps:
-    """The steps between samples: their lengths, and the speed held over each."""
-
-    def __init__(self, t: FloatArray, omega: FloatArray) -> None:
-        self.count = t.size - 1
-        self.lengths = np.diff(t)
-        if self.count:
-            mean = (t[-1] - t[0]) / self.count
-            # a regular grid is one whose stamps are regular but for their own rounding
-            if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(t).max()):
-                self.lengths = np.full(self.count, mean)
-        self.speeds = 0.5 * (omega[:-1] + omega[1:])
-        self.begin, self.end = float(omega[0]), float(omega[-1])
-
-
 def _integrate(
-    unit: TireWheelUnit, steps: _Steps, force: FloatArray, start: FloatArray, model: wheel.Model
+    unit: TireWheelUnit, steps: Steps, force: FloatArray, start: FloatArray, model: wheel.Model
 ) -> FloatArray:
     """Fixed-frame states at the samples, shape (N, n)."""
     stepper = wheel.stepper(unit, model)
     n = stepper.states
     states = np.empty((steps.count + 1, n))
     states[0] = state = start
-    speed = steps.begin
+    speed = steps.first_speed
     jumps = model == "complete"
     for first in range(0, steps.count, _BLOCK):
         block = slice(first, min(first + _BLOCK, steps.count))
@@ -174,27 +159,6 @@ def _integrate(
             out += push
             state = out
     return states
-
-
-def _integrate_belt(
-    modes: RingModes, steps: _Steps, force: FloatArray, steady: bool
-) -> tuple[ComplexArray, ComplexArray]:
-    """Z_1 and Z_2 of the modes beside n = 1 at the samples, shape (N, modes); force (N, 2) is [f_r, f_t]."""
-    speed = steps.begin
-    spinning = modes.at(speed)
-    state = spinning.steady(force[0, 0], force[0, 1])
-    if not steady:
-        state = np.zeros_like(state)
-    states = np.empty((steps.count + 1, *state.shape), dtype=np.complex128)
-    states[0] = state
-    for k in range(steps.count):
-        held = float(steps.speeds[k])
-        if held != speed:
-            state = modes.change_speed(state, speed, held)
-            spinning, speed = modes.at(held), held
-        state = spinning.step(state, steps.lengths[k], force[k], force[k + 1] - force[k])
-        states[k + 1] = state
-    return modes.amplitudes(states)
 
 
 def _single(values: FloatArray) -> FloatArray:

@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import Literal
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .coefficients import coefficients, mode_damping
+from .coefficients import Model, coefficients, mode_damping
+from .stepping import Steps
 from .unit import TireWheelUnit
 
 __all__ = ["CONTACT_ANGLE", "RingModes", "SpinningModes"]
@@ -32,7 +33,6 @@ __all__ = ["CONTACT_ANGLE", "RingModes", "SpinningModes"]
 CONTACT_ANGLE = 1.5 * math.pi
 """psi_0, where the road is."""
 
-Model = Literal["complete", "inextensional", "hybrid"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -60,7 +60,11 @@ class RingModes:
         self.unit = unit
         self.model = model
         self.numbers = np.asarray(numbers, dtype=np.float64)
-        self.coordinates = 2 if model == "complete" else 1
+        lowest = 0 if model == "complete" else 2  # for n = 1 the paper's elimination does not hold: wheel.py
+        if model not in get_args(Model):
+            raise ValueError(f"model is {model!r}; it must be one of {', '.join(get_args(Model))}")
+        if not (self.numbers == np.round(self.numbers)).all() or not (self.numbers >= lowest).all():
+            raise ValueError(f"numbers is {numbers!r}; model {model!r} needs integers >= {lowest}")
         self.damping = mode_damping(unit, self.numbers, "complete" if model == "complete" else "inextensional")
         modal_mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(self.numbers == 0, 2.0, 1.0)
         spread = np.sinc(self.numbers * unit.contact_half_angle / math.pi)  # section 4: sin(n phi_c)/(n phi_c)
@@ -122,6 +126,33 @@ class RingModes:
         if self.model == "hybrid":
             return np.zeros_like(A)
         return (C + self.numbers * A) / (A + self.numbers * C)
+
+    def integrate(self, steps: Steps, force: FloatArray, *, steady: bool) -> ComplexArray:
+        """States at the N samples between which the steps lie, shape (N, modes, k).
+
+        Parameters
+        ----------
+        steps : Steps
+        force : ndarray, shape (N, 2)
+            f_r (outward), f_t (along increasing psi) at the samples [N], linear in between.
+        steady : bool
+            Start in the steady state of the first sample, otherwise at rest.
+        """
+        speed = steps.first_speed
+        spinning = self.at(speed)
+        state = spinning.steady(force[0, 0], force[0, 1])
+        if not steady:
+            state = np.zeros_like(state)
+        states = np.empty((steps.count + 1, *state.shape), dtype=np.complex128)
+        states[0] = state
+        for k in range(steps.count):
+            held = float(steps.speeds[k])
+            if held != speed:
+                state = self.change_speed(state, speed, held)
+                spinning, speed = self.at(held), held
+            state = spinning.step(state, steps.lengths[k], force[k], force[k + 1] - force[k])
+            states[k + 1] = state
+        return states
 
     def amplitudes(self, state: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Z_1 and Z_2, shape (..., N), of states of shape (..., N, k) [m]."""

@@ -1,4 +1,4 @@
-"""The flexible ring: stiffness coefficients, natural frequencies, steady response.
+"""The flexible ring with the wheel held: matrices, natural frequencies, mode shapes, forced response.
 
 Equation numbers are those of Huang & Hsu (1992). ``theta`` is fixed to the ring, ``psi = theta + int Omega dt``
 is fixed in space; ``psi = 0`` points along the paper's horizontal axis X (which is -x of REP 103),
@@ -8,32 +8,40 @@ is fixed in space; ``psi = 0`` points along the paper's horizontal axis X (which
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .coefficients import Coefficients, Model, coefficients, mode_damping, rest_frequency
+from .modes import CONTACT_ANGLE, RingModes
+from .stepping import Steps
 from .unit import TireWheelUnit
 
 __all__ = [
     "CONTACT_ANGLE",
     "Coefficients",
     "coefficients",
+    "matrices",
     "mode_damping",
+    "mode_shapes",
     "natural_frequencies",
+    "point_force_response",
     "rest_frequency",
     "steady_amplitudes",
     "steady_response",
+    "transient_response",
 ]
 
-CONTACT_ANGLE = 1.5 * math.pi
-"""psi_0, where the road is."""
-
+Frame = Literal["ring", "fixed"]
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
-def natural_frequencies(unit: TireWheelUnit, n: int, speed: float = 0.0, model: Model = "complete") -> FloatArray:
-    """Undamped natural frequencies of the ring with the wheel held, in the ring-fixed frame.
+def matrices(
+    unit: TireWheelUnit, n: int, speed: float = 0.0, model: Model = "complete"
+) -> tuple[FloatArray, FloatArray]:
+    """G and K of x'' + G x' + K x = Q in the ring-fixed frame at constant speed, (3.2), (3.10), (3.11).
 
     Parameters
     ----------
@@ -41,36 +49,114 @@ def natural_frequencies(unit: TireWheelUnit, n: int, speed: float = 0.0, model: 
     n : int
         Circumferential wavenumber; n >= 0 for "complete", n >= 1 for the others.
     speed : float
-        Spin Omega [rad/s].
+        Spin Omega [rad/s], either sign.
     model : {"complete", "inextensional", "hybrid"}
-        "hybrid" is the inextensional model without its Coriolis term, section 2.4 of docs/model.md.
+
+    Returns
+    -------
+    G, K : ndarray, shape (4, 4) for "complete", (2, 2) otherwise
+        [1/s], [1/s^2]; x = [alpha, beta, xi, eta] or [alpha, beta]. Damping is on the diagonal of G.
+    """
+    _check(n, speed, model, lowest=0 if model == "complete" else 1)
+    A, B, C, _ = (float(value) for value in coefficients(unit, n, speed))
+    d = float(mode_damping(unit, n, "complete" if model == "complete" else "inextensional"))
+    if model == "complete":
+        G, K = d * np.eye(4), np.diag([B, B, C, C])
+        G[[0, 1], [2, 3]] = -2.0 * speed
+        G[[2, 3], [0, 1]] = 2.0 * speed
+        K[0, 3] = K[3, 0] = A
+        K[1, 2] = K[2, 1] = -A
+        return G, K
+    g, coriolis = _reduced(unit, n, speed, model)
+    return np.array([[d, -coriolis], [coriolis, d]]), g * np.eye(2)
+
+
+def _reduced(unit: TireWheelUnit, n: int, speed: float, model: Model) -> tuple[float, float]:
+    """g_n and the Coriolis coefficient D_c of the inextensional ring, (3.12), and (3.13) for n = 1."""
+    A, _, C, determinant = (float(value) for value in coefficients(unit, n, speed))
+    if n == 1:
+        g, coriolis = unit.rigid_mode_frequency**2 - speed * speed, 2.0 * speed
+    else:
+        g, coriolis = n * determinant / (A + n * C), 2.0 * speed * (C + n * A) / (A + n * C)
+    return g, 0.0 if model == "hybrid" else coriolis
+
+
+def natural_frequencies(
+    unit: TireWheelUnit, n: int, speed: float = 0.0, model: Model = "complete", *, frame: Frame = "ring"
+) -> FloatArray:
+    """Undamped natural frequencies of the ring with the wheel held.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n : int
+        Circumferential wavenumber; n >= 0 for "complete", n >= 1 for the others.
+    speed : float
+        Spin Omega [rad/s], either sign.
+    model : {"complete", "inextensional", "hybrid"}
+        "hybrid" is the inextensional model without its Coriolis term.
+    frame : {"ring", "fixed"}
+        Whether an observer turns with the ring or stands still.
 
     Returns
     -------
     ndarray, shape (4,) for "complete", (2,) otherwise
         Frequencies [rad/s], ascending. For n = 0 the complete model's sine coordinates repeat its cosine
-        coordinates, so each value stands twice.
+        coordinates, so each value stands twice. A mode that diverges has frequency 0 in the ring's frame.
 
     Notes
     -----
     With z_1 = alpha + i beta and z_2 = xi + i eta the four equations (3.2) are two complex ones; a motion
     exp(i nu t) then asks det [[B - nu^2, -i A - 2 i Omega nu], [i A + 2 i Omega nu, C - nu^2]] = 0, whose four
     roots nu are real for a stable ring: positive ones travel forward, negative ones backward.
-    The inextensional model has nu^2 + D_c nu - g_n = 0 (3.10).
+    The inextensional model has nu^2 + D_c nu - g_n = 0 (3.10). From the fixed frame, nu is seen as nu + n Omega.
     """
-    _check(unit, n, speed, model, lowest=0 if model == "complete" else 1)
-    A, B, C, determinant = (float(value) for value in coefficients(unit, n, speed))
+    _check(n, speed, model, lowest=0 if model == "complete" else 1)
+    if frame not in ("ring", "fixed"):
+        raise ValueError(f"frame is {frame!r}; it must be 'ring' or 'fixed'")
     if model == "complete":
-        quartic = [1.0, 0.0, -(B + C + 4.0 * speed * speed), -4.0 * A * speed, determinant]
-        return np.sort(np.abs(np.roots(quartic).real))
-    if n == 1:  # (3.13)
-        g, coriolis = unit.rigid_mode_frequency**2 - speed * speed, 2.0 * speed
+        A, B, C, determinant = (float(value) for value in coefficients(unit, n, speed))
+        roots = np.roots([1.0, 0.0, -(B + C + 4.0 * speed * speed), -4.0 * A * speed, determinant])
     else:
-        g, coriolis = n * determinant / (A + n * C), 2.0 * speed * (C + n * A) / (A + n * C)
-    if model == "hybrid":
-        coriolis = 0.0
-    root = np.sqrt(complex(0.25 * coriolis * coriolis + g))
-    return np.sort(np.abs([(root - 0.5 * coriolis).real, (root + 0.5 * coriolis).real]))
+        g, coriolis = _reduced(unit, n, speed, model)
+        root = np.sqrt(complex(0.25 * coriolis * coriolis + g))
+        roots = np.array([root - 0.5 * coriolis, -root - 0.5 * coriolis])
+    seen = roots.real + (n * speed if frame == "fixed" else 0.0)
+    return np.asarray(np.sort(np.abs(seen)), dtype=np.float64)
+
+
+def mode_shapes(
+    unit: TireWheelUnit, n: int, speed: float = 0.0, model: Model = "complete", *, frame: Frame = "ring"
+) -> tuple[ComplexArray, ComplexArray]:
+    """Damped exponents and shapes of the waves of wavenumber n, with the wheel held.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n : int
+        Circumferential wavenumber; n >= 0 for "complete", n >= 2 for the others.
+    speed : float
+        Spin Omega [rad/s], either sign.
+    model : {"complete", "inextensional", "hybrid"}
+    frame : {"ring", "fixed"}
+        Where the exponents are seen from; the shapes are the same.
+
+    Returns
+    -------
+    exponents : ndarray of complex, shape (4,) for "complete", (2,) otherwise
+        [1/s], by ascending imaginary part: waves that travel against the ring's theta first.
+    shapes : ndarray of complex, shape (4, 2) or (2, 2)
+        (z_1, z_2) of each, the larger of the two 1: u_z = Re[conj(z_1) exp(i n theta)], u_theta with z_2.
+    """
+    _check(n, speed, model, lowest=0 if model == "complete" else 2)
+    modes = RingModes(unit, [n], model)
+    spinning = modes.at(speed)
+    states = np.swapaxes(spinning.right[0], 0, 1)[:, None, :]  # a wave a row
+    shapes = np.concatenate(modes.amplitudes(states), axis=1)
+    shapes /= np.take_along_axis(shapes, np.abs(shapes).argmax(axis=1)[:, None], axis=1)
+    exponents = spinning.exponents[0] - (1j * n * speed if frame == "ring" else 0.0)
+    order = np.argsort(exponents.imag)
+    return exponents[order], shapes[order]
 
 
 def steady_amplitudes(
@@ -81,7 +167,7 @@ def steady_amplitudes(
     traction: float = 0.0,
     model: Model = "inextensional",
 ) -> tuple[FloatArray, FloatArray]:
-    """Steady radial amplitudes of modes n >= 2 about the contact, under a constant force there.
+    """Steady radial amplitudes of modes n >= 2 about the contact, under a constant force there, (4.4).
 
     Parameters
     ----------
@@ -90,36 +176,17 @@ def steady_amplitudes(
         Wavenumbers, all >= 2.
     speed, load, traction : float
         Spin [rad/s]; vertical load, up positive [N]; traction on the tire, along x_ros [N].
-    model : {"inextensional", "hybrid"}
+    model : {"inextensional", "hybrid", "complete"}
 
     Returns
     -------
     cosine, sine : ndarray, shape (N,)
-        u_z = sum cosine cos n(psi - psi_0) + sine sin n(psi - psi_0) [m]; and since u_z = -d u_theta/d psi,
-        u_theta = sum (sine cos n(psi - psi_0) - cosine sin n(psi - psi_0))/n.
-
-    Notes
-    -----
-    Seen from the fixed frame the mode is W = q/(R - i I) with R and I of (4.4) and
-    q = n (C f_r + i A f_t)/((A + n C) pi a b rho h), f_r = -load, f_t = -traction;
-    u_z = Re[conj(W) exp(i n (psi - psi_0))].
-    Written in real arithmetic, so that the result is the same on every machine.
+        u_z = sum cosine cos n(psi - psi_0) + sine sin n(psi - psi_0) [m].
     """
-    number = np.asarray(n, dtype=np.float64)
-    A, _, C, determinant = coefficients(unit, number, speed)
-    through = A + number * C
-    spin = number * speed
-    real = number * determinant / through - spin * spin
-    if model != "hybrid":
-        real = real + spin * (2.0 * speed * (C + number * A) / through)
-    imaginary = mode_damping(unit, number) * spin
-    modal_mass = math.pi * unit.radius * unit.width * unit.surface_density
-    scale = number / (through * modal_mass * (real * real + imaginary * imaginary))
-    radial, tangential = -load * C, -traction * A
-    # conj(W) = (q_r - i q_i)(R - i I)/(R^2 + I^2)
-    cosine = scale * (radial * real - tangential * imaginary)
-    sine = scale * (radial * imaginary + tangential * real)
-    return cosine, sine
+    modes = RingModes(unit, n, model)
+    radial, _ = modes.amplitudes(modes.at(speed).steady(-load, -traction))
+    about_contact = radial * np.exp(-1j * modes.numbers * CONTACT_ANGLE)
+    return about_contact.real, about_contact.imag
 
 
 def steady_response(
@@ -143,29 +210,119 @@ def steady_response(
         Angles fixed in space [rad].
     n_max : int
         Highest wavenumber, >= 2.
-    model : {"inextensional", "hybrid"}
+    model : {"inextensional", "hybrid", "complete"}
 
     Returns
     -------
     u_z, u_theta : ndarray, the shape of psi
         Radial (outward) and tangential (along increasing psi) deflection [m].
     """
-    _check(unit, n_max, speed, model, lowest=2)
-    if not math.isfinite(load):
-        raise ValueError(f"load is {load!r}; it must be finite")
-    angle = np.asarray(psi, dtype=np.float64)
-    number = np.arange(2, n_max + 1)
-    cosine, sine = steady_amplitudes(unit, number, speed, load, model=model)
-    phase = np.multiply.outer(angle - CONTACT_ANGLE, number)
-    u_z = np.cos(phase) @ cosine + np.sin(phase) @ sine
-    u_theta = np.cos(phase) @ (sine / number) - np.sin(phase) @ (cosine / number)
+    _check(n_max, speed, model, lowest=2)
+    return point_force_response(unit, speed, -load, 0.0, psi, numbers=np.arange(2, n_max + 1), model=model)
+
+
+def point_force_response(
+    unit: TireWheelUnit,
+    speed: float,
+    radial: float,
+    tangential: float,
+    psi: ArrayLike,
+    *,
+    angle: float = CONTACT_ANGLE,
+    numbers: ArrayLike = tuple(range(2, 31)),
+    model: Model = "inextensional",
+) -> tuple[FloatArray, FloatArray]:
+    """Steady deflection under a constant force at an angle fixed in space.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : float
+        Spin Omega [rad/s], either sign.
+    radial, tangential : float
+        f_r, outward, and f_t, along increasing psi [N].
+    psi : array_like
+        Angles fixed in space [rad].
+    angle : float
+        Where the force acts [rad].
+    numbers : array_like of int
+        Wavenumbers that are summed.
+    model : {"inextensional", "hybrid", "complete"}
+
+    Returns
+    -------
+    u_z, u_theta : ndarray, the shape of psi
+        Radial (outward) and tangential (along increasing psi) deflection [m].
+    """
+    _check_finite(speed=speed, radial=radial, tangential=tangential, angle=angle)
+    modes = RingModes(unit, numbers, model, angle)
+    return _shape(modes, modes.at(speed).steady(radial, tangential), psi)
+
+
+def transient_response(
+    unit: TireWheelUnit,
+    time: ArrayLike,
+    speed: ArrayLike,
+    radial: ArrayLike,
+    tangential: ArrayLike,
+    psi: ArrayLike,
+    *,
+    angle: float = CONTACT_ANGLE,
+    numbers: ArrayLike = tuple(range(2, 31)),
+    model: Model = "inextensional",
+    steady_start: bool = False,
+) -> tuple[FloatArray, FloatArray]:
+    """Deflection through time under a varying force at an angle fixed in space, at a varying speed.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    time : array_like, shape (N,)
+        Ascending times [s].
+    speed, radial, tangential : array_like, shape (N,) or scalar
+        Spin [rad/s], f_r (outward) and f_t (along increasing psi) [N], linear between samples.
+    psi : array_like, shape (P,)
+        Angles fixed in space [rad].
+    angle, numbers, model
+        As for :func:`point_force_response`.
+    steady_start : bool
+        Start in the steady state of the first sample, otherwise at rest.
+
+    Returns
+    -------
+    u_z, u_theta : ndarray, shape (N, P)
+        [m]; exact at constant speed, of second order in the step where the speed varies.
+    """
+    t = np.asarray(time, dtype=np.float64)
+    if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all() or not (np.diff(t) > 0.0).all():
+        raise ValueError("time must be a row of at least one finite number, ascending")
+    series = []
+    for name, value in (("speed", speed), ("radial", radial), ("tangential", tangential)):
+        array = np.asarray(value, dtype=np.float64)
+        if array.shape not in ((), t.shape) or not np.isfinite(array).all():
+            raise ValueError(f"{name} has shape {array.shape}; it must be finite, a number or one per time, {t.shape}")
+        series.append(np.broadcast_to(array, t.shape))
+    modes = RingModes(unit, numbers, model, angle)
+    states = modes.integrate(Steps(t, series[0]), np.stack(series[1:], axis=1), steady=steady_start)
+    return _shape(modes, states, psi)
+
+
+def _shape(modes: RingModes, states: ComplexArray, psi: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    """u_z and u_theta, shape (...,) + psi.shape, of states of shape (..., N, k)."""
+    wave = np.exp(1j * np.multiply.outer(modes.numbers, np.asarray(psi, dtype=np.float64)))
+    u_z, u_theta = (np.tensordot(np.conj(Z), wave, axes=1).real for Z in modes.amplitudes(states))
     return u_z, u_theta
 
 
-def _check(unit: TireWheelUnit, n: int, speed: float, model: str, lowest: int) -> None:
+def _check(n: int, speed: float, model: str, lowest: int) -> None:
     if model not in ("complete", "inextensional", "hybrid"):
         raise ValueError(f"model is {model!r}; it must be 'complete', 'inextensional' or 'hybrid'")
     if not math.isfinite(n) or int(n) != n or n < lowest:
         raise ValueError(f"n is {n!r}; model {model!r} needs an integer >= {lowest}")
-    if not math.isfinite(speed):
-        raise ValueError(f"speed is {speed!r}; it must be finite")
+    _check_finite(speed=speed)
+
+
+def _check_finite(**values: float) -> None:
+    for name, value in values.items():
+        if not math.isfinite(value):
+            raise ValueError(f"{name} is {value!r}; it must be finite")

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExactStepper", "SpinningStepper", "solve_in_order"]
+__all__ = ["ExactStepper", "SpinningStepper", "Steps", "solve_in_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -179,6 +179,27 @@ class SpinningStepper:
         """
         state: FloatArray = np.add.reduce(self.transition(length) * state_and_input[:, None], axis=0)
         return state
+
+
+class Steps:
+    """The steps between samples: their lengths [s], and the speed [rad/s] that is held over each.
+
+    Parameters
+    ----------
+    time, speed : ndarray, shape (N,)
+        Ascending times, and the speed at them, linear in between; the middle value is held.
+    """
+
+    def __init__(self, time: FloatArray, speed: FloatArray) -> None:
+        self.count = time.size - 1
+        self.lengths = np.diff(time)
+        if self.count:
+            mean = (time[-1] - time[0]) / self.count
+            # a regular grid is one whose times are regular but for their own rounding
+            if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(time).max()):
+                self.lengths = np.full(self.count, mean)
+        self.speeds = 0.5 * (speed[:-1] + speed[1:])
+        self.first_speed = float(speed[0])
 
 
 def _doublings(length: float, limit: float) -> int:

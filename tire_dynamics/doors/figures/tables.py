@@ -204,7 +204,7 @@ def multipliers() -> Table:
 
 
 def wave_exponents(modes: RingModes, speed: float) -> ComplexArray:
-    """Exponents [1/s] in the fixed frame of each mode's slower two waves, shape (N, 2): backward, forward on the ring."""
+    """Exponents [1/s], fixed frame, of each mode's slower two waves, shape (N, 2): backward, forward on the ring."""
     exponents = modes.at(speed).exponents
     order = np.argsort(exponents.imag, axis=1)
     middle = order.shape[1] // 2
