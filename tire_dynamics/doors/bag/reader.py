@@ -1,27 +1,24 @@
-"""rosbag2 bags (Jazzy, mcap storage), written and read with no ROS.
+"""Reads rosbag2 bags, and single ``.mcap`` files.
 
-A bag is a folder with ``metadata.yaml`` and one or more ``.mcap`` files. The writer goes through the mcap
-library. The reader takes record layouts from it, but walks the file itself: bags come from strangers and
+The reader takes record layouts from the mcap library, but walks the file itself: bags come from strangers and
 from nodes that were killed, so every length is checked before it is believed, a file without its end is read
 as far as it goes, and memory holds a chunk or a few, whatever the length of the bag.
+
+A span is a piece of a file that holds whole records: a chunk, or a run of messages outside chunks.
 """
 
 from __future__ import annotations
 
-import functools
 import io
 import os
-import re
-import shutil
 import struct
 import zlib
 from array import array
 from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path, PurePath
-from types import TracebackType
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -31,275 +28,13 @@ from mcap import records
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import MCAP0_MAGIC
 
-from .errors import InputError
+from ..errors import InputError
 
-__all__ = ["BagReader", "BagWriter"]
+__all__ = ["BagReader", "Message"]
 
-_FOREVER = {"sec": 9223372036, "nsec": 854775807}
-_QOS: dict[str, dict[str, Any]] = {
-    name: {
-        "history": "keep_last",
-        "depth": depth,
-        "reliability": reliability,
-        "durability": "volatile",
-        "deadline": dict(_FOREVER),
-        "lifespan": dict(_FOREVER),
-        "liveliness": "automatic",
-        "liveliness_lease_duration": dict(_FOREVER),
-        "avoid_ros_namespace_conventions": False,
-    }
-    for name, depth, reliability in (("default", 10, "reliable"), ("sensor_data", 5, "best_effort"))
-}
-_COMPRESSION = {"": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
-_TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
-
-
-@functools.cache
-def _typestore() -> Any:
-    # Imported where it is needed: it takes longer than the rest of the package, and only writers need it.
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-class BagWriter:
-    """Writes a rosbag2 folder: ``<folder>/<name of folder>_0.mcap`` and ``metadata.yaml``.
-
-    A context manager. If its block raises, a bag written in place is closed with what it holds, and one
-    written aside is thrown away.
-
-    Parameters
-    ----------
-    folder : path
-        The bag; its parents are made if missing.
-    force : bool
-        Replace ``folder`` if it exists and is a bag and nothing else. What else exists there is an error.
-    aside : bool
-        Write to a hidden folder beside ``folder`` and rename it when it is whole, so that ``folder`` is never
-        half a bag. Without it the file grows in place, and what was flushed survives the process.
-    chunk_size : int
-        Bytes of messages that are compressed and written together. A small chunk is quickly done (1-2 ms for
-        the default), a large one compresses better and needs less index.
-    compression : str
-        "zstd", "lz4" or "" for none.
-    metadata : mapping of str to mapping of str to str
-        MCAP metadata records: name to content. They stand at the beginning of the file.
-
-    Raises
-    ------
-    InputError
-        If the folder exists (see ``force``) or cannot be made. Later, a disk that fails raises OSError.
-    """
-
-    def __init__(
-        self,
-        folder: str | os.PathLike[str],
-        *,
-        force: bool = False,
-        aside: bool = False,
-        chunk_size: int = 64 * 1024,
-        compression: str = "zstd",
-        metadata: Mapping[str, Mapping[str, str]] | None = None,
-    ) -> None:
-        self.folder = Path(folder)
-        self._force = force
-        self._topics: dict[str, int] = {}
-        self._topic_metadata: list[dict[str, Any]] = []
-        self._schemas: dict[str, int] = {}
-        self._counts: list[int] = []
-        self._start, self._end = _NO_TIME, 0
-
-        name = self.folder.absolute().name
-        _check_replaceable(self.folder, force)
-        self._work = self.folder.with_name(f".{name}.{os.urandom(4).hex()}") if aside else self.folder
-        self._file_name = f"{name}_0.mcap"
-        try:
-            if not aside:
-                _remove_bag(self.folder)
-            self._work.mkdir(parents=True)
-            self._file = open(self._work / self._file_name, "xb")
-        except OSError as error:
-            raise InputError(f"{self.folder}: cannot be written: {error.strerror}") from None
-        self._mcap = Writer(self._file, chunk_size, _COMPRESSION[compression])
-        self._mcap.start("ros2", "tire_dynamics")
-        for record, content in (metadata or {}).items():
-            self._mcap.add_metadata(record, dict(content))
-
-    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data") -> int:
-        """Declare a topic.
-
-        Parameters
-        ----------
-        name : str
-            Absolute, such as "/front_left/load".
-        msgtype : str
-            Such as "geometry_msgs/msg/WrenchStamped"; any message of ROS 2 Jazzy's common interfaces.
-        qos : str
-            The profile it is offered with: "sensor_data" or "default".
-
-        Returns
-        -------
-        int
-            The topic's handle for ``write``.
-
-        Raises
-        ------
-        InputError
-            If the name is not a ROS topic name or the type is not known.
-        """
-        if not _TOPIC.fullmatch(name):
-            raise InputError(f"{name!r} is not an absolute ROS topic name")
-        if name in self._topics:
-            raise ValueError(f"topic {name} is there already")
-        if msgtype not in _typestore().types:
-            raise InputError(f"{name}: message type {msgtype!r} is not known")
-        if msgtype not in self._schemas:
-            text, _ = _typestore().generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._mcap.register_schema(msgtype, "ros2msg", text.encode())
-        topic = {
-            "name": name,
-            "type": msgtype,
-            "serialization_format": "cdr",
-            "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": _typestore().hash_rihs01(msgtype),
-        }
-        channel = {
-            "offered_qos_profiles": _yaml(topic["offered_qos_profiles"]),
-            "topic_type_hash": topic["type_description_hash"],
-        }
-        self._topics[name] = self._mcap.register_channel(name, "cdr", self._schemas[msgtype], channel)
-        self._topic_metadata.append(topic)
-        self._counts.append(0)
-        return self._topics[name]
-
-    def write(self, topic: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
-        """Write one message.
-
-        Parameters
-        ----------
-        topic : int
-            What ``add_topic`` returned.
-        log_time_ns, publish_time_ns : int
-            When it was received and when it was sent, ns since the epoch, not negative.
-        data : bytes
-            The serialised message.
-        """
-        if log_time_ns < 0 or publish_time_ns < 0:
-            raise ValueError(f"log_time_ns {log_time_ns}, publish_time_ns {publish_time_ns}: below 0")
-        self._mcap.add_message(topic, log_time_ns, data, publish_time_ns)
-        self._counts[topic - 1] += 1
-        if log_time_ns < self._start:
-            self._start = log_time_ns
-        if log_time_ns > self._end:
-            self._end = log_time_ns
-
-    def flush(self) -> None:
-        """Finish the chunk and hand all that was written to the operating system.
-
-        What is flushed is read again even if the process is killed. It does not wait for the disk (no fsync).
-        """
-        self._mcap.flush()
-
-    def close(self) -> None:
-        """Write the index and ``metadata.yaml``, and put the folder in its place. Twice is harmless."""
-        if self._file.closed:
-            return
-        information = self._information()
-        with self._file:
-            self._mcap.add_metadata("rosbag2", {"serialized_metadata": _yaml(information)})
-            self._mcap.finish()
-        text = _yaml({"rosbag2_bagfile_information": information})
-        (self._work / "metadata.yaml").write_text(text, "utf-8")
-        if self._work != self.folder:
-            _check_replaceable(self.folder, self._force)
-            _remove_bag(self.folder)
-            self._work.rename(self.folder)
-
-    def _information(self) -> dict[str, Any]:
-        """``metadata.yaml``, version 9, in rosbag2's order of keys."""
-        span = {
-            "duration": {"nanoseconds": max(0, self._end - self._start)},
-            "starting_time": {"nanoseconds_since_epoch": self._start},
-            "message_count": sum(self._counts),
-        }
-        topics = zip(self._topic_metadata, self._counts, strict=True)
-        return {
-            "version": 9,
-            "storage_identifier": "mcap",
-            **span,
-            "topics_with_message_count": [{"topic_metadata": topic, "message_count": count} for topic, count in topics],
-            "compression_format": "",
-            "compression_mode": "",
-            "relative_file_paths": [self._file_name],
-            "files": [{"path": self._file_name, **span}],
-            "custom_data": None,
-            "ros_distro": "jazzy",
-        }
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if error is None or self._work == self.folder:
-                self.close()
-        except OSError:
-            if error is None:  # of two errors, the first is the one to report
-                raise
-        finally:
-            if self._work != self.folder and self._work.exists():  # not in its place, so not whole
-                with suppress(OSError):
-                    self._file.close()
-                shutil.rmtree(self._work, ignore_errors=True)
-
-
-class _PlainDumper(yaml.SafeDumper):
-    """Writes no anchors: rosbag2's parser would read them, people would not."""
-
-    def ignore_aliases(self, data: Any) -> bool:
-        return True
-
-
-def _yaml(data: Any) -> str:
-    return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False)
-
-
-def _check_replaceable(folder: Path, force: bool) -> None:
-    """An output that exists is left alone, unless it may be replaced and is a bag and nothing else."""
-    if not os.path.lexists(folder):
-        return
-    if not force:
-        raise InputError(f"{folder}: exists already (--force replaces a bag)")
-    if folder.is_symlink() or not (folder / "metadata.yaml").is_file():
-        raise InputError(f"{folder}: exists and is not a bag, so it is not replaced")
-    for entry in os.scandir(folder):
-        if not (entry.is_file(follow_symlinks=False) and _belongs_to_a_bag(entry.name)):
-            raise InputError(f"{folder}: holds more than a bag ({entry.name}), so it is not replaced")
-
-
-def _belongs_to_a_bag(name: str) -> bool:
-    return name == "metadata.yaml" or name.endswith(".mcap")
-
-
-def _remove_bag(folder: Path) -> None:
-    """Remove a folder that ``_check_replaceable`` has passed, file by file: what it does not know stays."""
-    if folder.is_dir():
-        for name in os.listdir(folder):
-            if _belongs_to_a_bag(name):
-                (folder / name).unlink()
-        folder.rmdir()
-
-
-# Reading. A span is a piece of a file that holds whole records: a chunk, or a run of messages outside chunks.
-
+_NO_TIME = 2**63 - 1  # of a file without messages
 _MAX_CHUNK = 128 * 2**20  # bytes, uncompressed; recorders write some 1 MiB
 _MAX_CHUNK_MESSAGES = 500_000
 _MAX_PENDING = 128 * 2**20  # bytes held back because chunks overlap in time
