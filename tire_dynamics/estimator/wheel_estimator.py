@@ -193,6 +193,7 @@ class WheelEstimator:
             coming = [s for s in (self._speed.next_stamp, self._load.next_stamp) if s is not None and s <= stamp]
             if not coming:
                 self._move(stamp)
+                self._give_up_if_diverged()
                 return self.running
             moment = min(coming)
             self._move(moment)
@@ -238,12 +239,15 @@ class WheelEstimator:
             length = (moment - self.time) * _NANO
             self._state[n : n + 2] = load
             self._state[:n] = self._spinning.step(length, self._state)
-            if not np.abs(self._state[:n]).max() < _BEYOND_ALL_BOUNDS:  # true for NaN as well
-                self.running, self._diverged = False, True
-                self.divergences += 1
             self._belt.hold(length, speed, *load)
             self._phase = math.fmod(self._phase + speed * length, _FULL_TURN)
         self.time = moment
+
+    def _give_up_if_diverged(self) -> None:
+        bounded = np.abs(self._state[: self._stepper.states]).max() < _BEYOND_ALL_BOUNDS  # false for NaN
+        if self.running and not bounded:
+            self.running, self._diverged = False, True
+            self.divergences += 1
 
     def snapshot(self) -> dict[str, Any]:
         """Everything that later results depend on, in JSON's types; :meth:`restore` continues from it bit for bit."""
