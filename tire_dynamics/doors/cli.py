@@ -14,6 +14,7 @@ from .errors import InputError
 
 __all__ = ["main", "node"]
 
+_MAX_RPM = 1e7
 UNUSABLE = 2  # exit status for input that cannot be used
 
 
@@ -31,9 +32,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 128 + signal.SIGPIPE
     except OSError as error:  # a disk that is full, a folder that may not be written
-        return _refuse(InputError(f"{error.filename or 'writing'}: {error.strerror or error}"))
+        return _refuse(InputError(f"{error.filename or _output(arguments)}: {error.strerror or error}"))
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
+
+
+def _output(arguments: Sequence[str]) -> str:
+    """The output that the command line names, for an error that names no file."""
+    for option in ("-o", "--output"):
+        if option in arguments[:-1]:
+            return arguments[arguments.index(option) + 1]
+    return "writing"
 
 
 def node() -> int:
@@ -104,9 +113,12 @@ def _node(arguments: list[str]) -> int:
             print(f"  {row.name:30} {row.kind:9} {default!s:12} {row.description}")
         return 0
     _need_ros()
+    stopping: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):  # before the long import, so that both end a start-up as well
+        signal.signal(number, lambda caught, frame: stopping.append(caught))
     from .node import run
 
-    run(arguments)
+    run(arguments, lambda: bool(stopping))
     return 0
 
 
@@ -134,6 +146,8 @@ def _replay(options: argparse.Namespace) -> int:
     from .replay import replay
 
     summary = replay(options.input, options.output, config=options.config, force=options.force)
+    if summary.damage:
+        print(f"{options.input} is damaged: {summary.damage}; what stands before was replayed", file=sys.stderr)
     total = sum(summary.received.values())
     print(f"{options.output}: {total} messages in, {sum(summary.written.values())} out", file=sys.stderr)
     return 0
@@ -143,12 +157,12 @@ def _stability(options: argparse.Namespace) -> int:
     from ..estimator.vehicle import stability_reply
     from .parameters import complete, read_config, unit_of
 
-    if not math.isfinite(options.speed_rpm):
-        raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be finite")
+    if not abs(options.speed_rpm) <= _MAX_RPM:
+        raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be between -{_MAX_RPM:g} and {_MAX_RPM:g}")
     values = complete(read_config(options.config) if options.config else {})
     try:
         reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0, values["model"])
-    except ArithmeticError as error:
+    except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     print(json.dumps(reply, indent=2))
     return 0

@@ -23,40 +23,41 @@ class Log:
     """A bag that is written behind the node's back.
 
     :meth:`put` never waits: it hands a message over, or drops and counts it when ``queue_size`` messages are
-    waiting already. Nothing that the disk does can delay the caller. What the disk refuses ends the log, with
+    waiting already. Everything that touches the disk, making the bag and finishing it included, happens on the
+    log's own thread; nothing that the disk does can delay the caller. What the disk refuses ends the log, with
     the reason in ``error``; the caller goes on.
 
     Parameters
     ----------
     directory : Path
-        Where the bag's folder is made, named after the node and the time.
+        Where the bag's folder is made, named after the time.
     topics : mapping
         Message type and QoS profile by full topic name.
     queue_size : int
     compression : {"zstd", "lz4", "none"}
 
-    Raises
-    ------
-    InputError
-        The directory cannot be written.
+    Attributes
+    ----------
+    folder : Path
+        The bag.
+    error : str or None
+        Why the log ended, if it did.
+    dropped : Counter
+        Messages that were not logged, by topic.
     """
 
     def __init__(
         self, directory: Path, topics: Mapping[str, tuple[str, str]], queue_size: int, compression: str
     ) -> None:
+        self.folder = directory / f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
         self.error: str | None = None
         self.dropped: Counter[str] = Counter()
         self.written = 0
+        self._topics = dict(topics)
         self._queue_size = queue_size
+        self._compression = "" if compression == "none" else compression
         self._queue: SimpleQueue[tuple[str, int, int, bytes] | None] = SimpleQueue()
-        self.folder = _new_folder(directory)
-        try:
-            self._writer = BagWriter(self.folder, compression="" if compression == "none" else compression)
-            self._handles = {
-                name: self._writer.add_topic(name, msgtype, qos=qos) for name, (msgtype, qos) in topics.items()
-            }
-        except OSError as error:
-            raise InputError(f"{self.folder}: {error.strerror}") from None
+        self._opened = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
         self._thread.start()
 
@@ -65,31 +66,69 @@ class Log:
         """Messages handed over and not yet written."""
         return self._queue.qsize()
 
-    def put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> None:
-        """Hand a message over, times in ns; never waits."""
+    def put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> bool:
+        """Hand a message over, times in ns; whether it was taken. Never waits."""
         if self._queue.qsize() >= self._queue_size or self.error is not None:
-            self.dropped[topic] += 1
-        else:
-            self._queue.put((topic, log_time, publish_time, data))
+            self.drop(topic)
+            return False
+        self._queue.put((topic, log_time, publish_time, data))
+        return True
 
-    def close(self) -> None:
-        """Write what is waiting, and finish the bag."""
+    def drop(self, topic: str) -> None:
+        """Count a message that is not logged."""
+        self.dropped[topic] += 1
+
+    @property
+    def has_room(self) -> bool:
+        """Whether the queue has at least half of its places free, and the log goes on."""
+        return self.error is None and self._queue.qsize() <= self._queue_size // 2
+
+    def wait_until_open(self) -> None:
+        """Wait for the bag to be made; ``InputError`` if it cannot be."""
+        if not self._opened.wait(_PATIENCE):
+            raise InputError(f"{self.folder}: the log could not be made within {_PATIENCE:g} s")
+        if self.error is not None:
+            raise InputError(self.error)
+
+    def finish(self) -> None:
+        """Ask the thread to write what is waiting and to finish the bag. Does not wait; no message may follow."""
         self._queue.put(None)
+
+    def join(self) -> None:
+        """Wait for the thread to end after :meth:`finish`."""
         self._thread.join(_PATIENCE)
         if self._thread.is_alive():
             self.error = f"{self.folder}: the disk took longer than {_PATIENCE:g} s; the log is not complete"
 
     def _run(self) -> None:
         try:
-            self._write()
+            self._writer = self._open()
+            self._opened.set()
+            self._write(self._writer)
+        except InputError as error:
+            self.error = str(error)
         except OSError as error:
             self.error = f"{self.folder}: {error.strerror or error}"
-        while self.error is not None and self._queue.get() is not None:
-            pass  # what had been handed over before the error was seen
+        except Exception as error:  # a log that ends must say why, whatever it was
+            self.error = " ".join(f"{self.folder}: {error}".split())
+        finally:
+            self._opened.set()
 
-    def _write(self) -> None:
+    def _open(self) -> BagWriter:
+        wanted = self.folder
+        for count in range(1, 1000):
+            try:
+                return BagWriter(self.folder, compression=self._compression)
+            except InputError:
+                if not self.folder.exists():
+                    raise
+            self.folder = wanted.with_name(f"{wanted.name}_{count}")  # another log of the same second
+        raise InputError(f"{wanted}: exists already, a thousand times")
+
+    def _write(self, writer: BagWriter) -> None:
         due = time.monotonic() + _FLUSH_INTERVAL
-        with self._writer as writer:
+        with writer:
+            handles = {name: writer.add_topic(name, kind, qos=qos) for name, (kind, qos) in self._topics.items()}
             while True:
                 try:
                     entry = self._queue.get(timeout=max(0.0, due - time.monotonic()))
@@ -100,16 +139,8 @@ class Log:
                 if entry is None:
                     return
                 topic, log_time, publish_time, data = entry
-                writer.write(self._handles[topic], log_time, publish_time, data)
+                writer.write(handles[topic], log_time, publish_time, data)
                 self.written += 1
                 if time.monotonic() >= due:
                     writer.flush()
                     due = time.monotonic() + _FLUSH_INTERVAL
-
-
-def _new_folder(directory: Path) -> Path:
-    name = f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
-    folder, count = directory / name, 1
-    while folder.exists():
-        folder, count = directory / f"{name}_{count}", count + 1
-    return folder

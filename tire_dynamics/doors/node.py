@@ -5,18 +5,16 @@ from __future__ import annotations
 import gc
 import json
 import math
-import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
@@ -26,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 
 from . import messages
+from .bag import load_message_definitions
 from .errors import InputError
 from .log import Log
 from .parameters import NODE_NAME, PARAMETERS, Parameter, complete
@@ -63,32 +62,47 @@ class TireDynamicsNode(Node):
     """
 
     def __init__(self, *, context: rclpy.context.Context | None = None, arguments: Sequence[str] | None = None) -> None:
-        super().__init__(
-            NODE_NAME,
-            context=context,
-            cli_args=list(arguments) if arguments is not None else None,
-            automatically_declare_parameters_from_overrides=True,
-        )
         try:
-            values = self._declare_parameters()
+            super().__init__(
+                NODE_NAME,
+                context=context,
+                cli_args=list(arguments) if arguments is not None else None,
+                automatically_declare_parameters_from_overrides=True,
+            )
+        except (ParameterException, ValueError) as error:
+            if "PARAMETER_NOT_SET" in str(error):
+                raise InputError("a list is empty: wheels, joint_names and frame_ids need a name or no value") from None
+            raise InputError(_first_line(error)) from None
+        self._log: Log | None = None
+        self._finishing: list[Log] = []
+        self._record_due = False
+        self._time: int | None = None
+        self._ticks = self._missed = self._jumps = self._before_clock = 0
+        self._step_times: list[float] = []
+        try:
+            self._wiring = Wiring(self._declare_parameters())
+            self._connect()
+            load_message_definitions()  # now, not when a log is started beside turning wheels
+            if self._wiring.values["log.directory"]:
+                self._start_log().wait_until_open()
         except BaseException:
+            self._end_logs()
             self.destroy_node()
             raise
-        self._wiring = Wiring(values)
         self._period = self._wiring.vehicle.settings.period
-        self._time: int | None = None
-        self._log: Log | None = None
-        self._ticks = self._missed = self._jumps = 0
-        self._step_times: list[float] = []
+        self.add_on_set_parameters_callback(self._check_change)
+        self.add_post_set_parameters_callback(self._apply_change)
+        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(self._period * 1e-9, self._tick, clock=steady)
+        self.create_timer(1.0, self._diagnose, clock=steady)
 
-        wheels = self._wiring.vehicle.settings.wheels
+    def _connect(self) -> None:
         self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
-        self._subscriptions_kept = []
         for topic, msgtype in self._wiring.inputs.items():
             subscription = self.create_subscription(
                 _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
-            self._subscriptions_kept.append(subscription)
             self._full_names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._wiring.outputs.items():
@@ -97,17 +111,9 @@ class TireDynamicsNode(Node):
             self._full_names[topic] = publisher.topic_name
         self._diagnostics = self.create_publisher(DiagnosticArray, _DIAGNOSTICS, 10)
         self._full_names[_DIAGNOSTICS] = self._diagnostics.topic_name
-        for index, wheel in enumerate(wheels):
+        for index, wheel in enumerate(self._wiring.vehicle.settings.wheels):
             self.create_service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
         self.create_service(SetBool, "~/set_logging", self._set_logging)
-        if values["log.directory"]:
-            self._start_log()
-        self.add_on_set_parameters_callback(self._check_change)
-        self.add_post_set_parameters_callback(self._apply_change)
-        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._period * 1e-9, self._tick, clock=steady)
-        self.create_timer(1.0, self._diagnose, clock=steady)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
@@ -158,6 +164,9 @@ class TireDynamicsNode(Node):
 
         def callback(data: bytes) -> None:
             now = self._now()
+            if now == 0:  # simulated time before the first /clock
+                self._before_clock += 1
+                return
             self._put(topic, now, now, data)
             receive(topic, now, data)
 
@@ -183,9 +192,10 @@ class TireDynamicsNode(Node):
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
 
-        The instants are tied to the ROS clock when the node starts. When the clock falls a little short of
-        the next one at a timer's call, because it is slewed or the very first call came late, they are tied
-        anew; when it stands still (a paused simulation) nothing is due, and when it jumps, they start anew.
+        The instants are tied to the ROS clock when the node starts. When the system's clock falls a little
+        short of the next one at a timer's call, because it is slewed or the very first call came late, they are
+        tied anew. When a simulated clock stands still or crawls, nothing is due until it has come to the next
+        one. When a clock is set back, they start anew.
         """
         if now == 0:
             return None  # simulated time before the first /clock
@@ -198,7 +208,7 @@ class TireDynamicsNode(Node):
                 missed = late // self._period
                 self._missed += missed
                 self._time += (1 + missed) * self._period
-            elif late > -self._period // 2:
+            elif late > -self._period // 2 and not self.get_clock().ros_time_is_active:
                 self._time = now
             else:
                 return None
@@ -206,8 +216,7 @@ class TireDynamicsNode(Node):
 
     # -- the log --------------------------------------------------------------------------------------------
 
-    def _start_log(self) -> None:
-        directory = Path(self._wiring.values["log.directory"])
+    def _start_log(self) -> Log:
         types = {
             **{topic: (msgtype, "sensor_data") for topic, msgtype in self._wiring.inputs.items()},
             **{topic: (msgtype, "default") for topic, msgtype in self._wiring.outputs.items()},
@@ -216,46 +225,53 @@ class TireDynamicsNode(Node):
             _DIAGNOSTICS: (_DIAGNOSTICS_TYPE, "default"),
         }
         self._log = Log(
-            directory,
+            Path(self._wiring.values["log.directory"]),
             {self._full_names[topic]: kind for topic, kind in types.items()},
             self._wiring.values["log.queue_size"],
             self._wiring.values["log.compression"],
         )
-        self.get_logger().info(f"logging to {self._log.folder}")
         self._log_record()
+        return self._log
 
     def _log_record(self) -> None:
+        """Log what a replay needs to go on from here; later, if the clock has not begun or there is no room."""
         now = self._now()
-        self._put(LOG_RECORD, now, now, self._wiring.record(self._full_names))
+        self._record_due = True
+        if self._log is not None and self._log.has_room and now:
+            record = self._wiring.record(self._full_names)
+            self._record_due = not self._log.put(self._full_names[LOG_RECORD], now, now, record)
 
-    def _stop_log(self) -> None:
+    def _finish_log(self) -> None:
         if self._log is not None:
-            log, self._log = self._log, None
-            log.close()
-            self.get_logger().info(f"log closed: {log.folder}, {log.written} messages")
-            if log.error:
-                self.get_logger().error(log.error)
+            self._log.finish()
+            self._finishing.append(self._log)
+            self._log = None
 
     def _put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> None:
-        if self._log is not None:
-            self._log.put(self._full_names[topic], log_time, publish_time, data)
+        """Log a message; behind a gap, what a replay needs to go on first."""
+        if self._log is None:
+            return
+        name = self._full_names[topic]
+        if self._record_due:
+            self._log_record()
+        if self._record_due:
+            self._log.drop(name)
+        elif not self._log.put(name, log_time, publish_time, data):
+            self._record_due = True  # a replay has to take up the thread behind the gap
 
     def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        try:
-            if not request.data:
-                response.message = f"closed {self._log.folder}" if self._log else "there was no log"
-                self._stop_log()
-            elif self._log is not None:
-                response.message = f"logging to {self._log.folder} already"
-            elif not self._wiring.values["log.directory"]:
-                raise InputError("log.directory is empty; set it to say where logs are to be written")
-            else:
-                self._start_log()
-                assert self._log is not None
-                response.message = f"logging to {self._log.folder}"
-            response.success = True
-        except InputError as error:
-            response.success, response.message = False, str(error)
+        response.success = True
+        if not request.data:
+            response.message = f"closing {self._log.folder}" if self._log is not None else "there was no log"
+            self._finish_log()
+        elif self._log is not None and self._log.error is None:
+            response.message = f"logging to {self._log.folder} already"
+        elif not self._wiring.values["log.directory"]:
+            response.success = False
+            response.message = "log.directory is empty; set it to say where logs are to be written"
+        else:
+            self._finish_log()
+            response.message = f"logging to {self._start_log().folder}"
         return response
 
     # -- stability and diagnostics --------------------------------------------------------------------------
@@ -279,7 +295,8 @@ class TireDynamicsNode(Node):
             array.status.append(self._wheel_status(index))
         self._diagnostics.publish(array)
         now = self._now()
-        self._put(_DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+        if now:
+            self._put(_DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
     def _node_status(self) -> DiagnosticStatus:
         times = sorted(self._step_times) or [0.0]
@@ -288,7 +305,8 @@ class TireDynamicsNode(Node):
         values = {
             "ticks": self._ticks,
             "ticks missed": self._missed,
-            "clock jumps": self._jumps,
+            "clock set back": self._jumps,
+            "messages before the clock": self._before_clock,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in malformed.items()},
@@ -351,30 +369,36 @@ class TireDynamicsNode(Node):
 
     def close(self) -> None:
         """Finish the log and leave the graph."""
-        self._stop_log()
+        for log in self._end_logs():
+            if log.error:
+                self.get_logger().error(log.error)
+            else:
+                self.get_logger().info(f"log closed: {log.folder}, {log.written} messages")
         self.destroy_node()
 
+    def _end_logs(self) -> list[Log]:
+        self._finish_log()
+        ended, self._finishing = self._finishing, []
+        for log in ended:
+            log.join()
+        return ended
 
-def run(arguments: Sequence[str]) -> None:
-    """The node until SIGINT or SIGTERM.
+
+def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
+    """The node until it is told to stop.
 
     Parameters
     ----------
     arguments : sequence of str
         ROS arguments, as ``--ros-args -p name:=value``.
+    stopping : callable
+        Whether to stop; asked several times a second. Signals are the caller's.
 
     Raises
     ------
     InputError
         The arguments or the parameters cannot be used.
     """
-    stopping = []
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        stopping.append(number)
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, stop)
     try:
         rclpy.init(args=["tire_dynamics", *arguments], signal_handler_options=SignalHandlerOptions.NO)
     except Exception as error:  # rcl reports bad arguments and files as RuntimeErrors of its own kinds
@@ -385,14 +409,14 @@ def run(arguments: Sequence[str]) -> None:
             raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
         try:
             node = TireDynamicsNode()
-        except ParameterException as error:
+        except (ParameterException, NameValidationException, ValueError) as error:
             raise InputError(_first_line(error)) from None
         try:
             executor = EventsExecutor()
             executor.add_node(node)
             gc.collect()
             gc.freeze()  # what lives until the end need not be looked at again, tick after tick
-            while not stopping:
+            while not stopping():
                 executor.spin_once(timeout_sec=0.2)
         finally:
             node.close()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Literal
@@ -138,8 +138,11 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     if not wheels:
         raise ValueError("wheels is []; it must name at least one wheel")
     for wheel in wheels:
-        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", wheel):
-            raise ValueError(f"wheels has {wheel!r}; a wheel's name must be letters, digits and _, a letter first")
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,99}", wheel) or "__" in wheel or wheel.endswith("_"):
+            raise ValueError(
+                f"wheels has {wheel[:120]!r}; a wheel's name must be letters, digits and single _ between them, a"
+                " letter first, 100 at most"
+            )
     for name in ("wheels", "joint_names"):
         if len(set(whole[name])) != len(whole[name]):
             raise ValueError(f"{name} is {list(whole[name])}; no name may stand twice")
@@ -167,7 +170,8 @@ def unit_of(values: Mapping[str, Any]) -> TireWheelUnit:
     try:
         return TireWheelUnit.from_mapping(fields)
     except ValueError as error:
-        raise ValueError(f"tire.{error}") from None
+        named = str(error).split(" ")[0] in fields
+        raise ValueError(f"tire.{error}" if named else f"tire.*: {error}") from None
 
 
 def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
@@ -212,14 +216,17 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         raise InputError(f"{path}: {error.strerror}") from None
     except ValueError as error:
         raise InputError(str(error)) from None
-    if any(isinstance(section, dict) and "ros__parameters" in section for section in content.values()):
+    sections = list(_ros_sections(content))
+    if sections:
         values: dict[str, Any] = {}
-        for node, section in content.items():
-            if str(node).strip("/").split("/")[-1] not in ("**", "*", NODE_NAME):
-                continue
-            if not isinstance(section, dict) or not isinstance(section.get("ros__parameters"), dict):
-                raise InputError(f"{path}: {node} has no mapping 'ros__parameters'")
-            values.update(_flat(section["ros__parameters"]))
+        for node, section in sections:
+            if node.split("/")[-1] in ("**", "*", NODE_NAME):
+                if not isinstance(section, dict):
+                    raise InputError(f"{path}: ros__parameters of {node} is not a mapping")
+                values.update(_flat(section))
+        if not values:
+            nodes = ", ".join(node for node, _ in sections)
+            raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
         values.pop("use_sim_time", None)  # a parameter of every node, not of this table
     else:
         values = {f"tire.{name}": float(value) if type(value) is int else value for name, value in content.items()}
@@ -228,6 +235,15 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return values
+
+
+def _ros_sections(tree: Mapping[Any, Any], name: str = "") -> Iterator[tuple[str, Any]]:
+    """Node and content of every ``ros__parameters``; namespaces may be levels of their own."""
+    for key, value in tree.items():
+        if key == "ros__parameters":
+            yield name, value
+        elif isinstance(value, dict):
+            yield from _ros_sections(value, f"{name}/{str(key).strip('/')}")
 
 
 def _flat(tree: Mapping[Any, Any], prefix: str = "") -> dict[str, Any]:

@@ -11,6 +11,7 @@ from os import PathLike
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -59,6 +60,8 @@ def play(
     if not 0.0 < rate < 1e6:
         raise InputError(f"--rate is {rate}; it must be > 0 and < 1e6")
     reader = BagReader(source)
+    if not reader.message_count:
+        raise InputError(f"{reader.path}: has no message")
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, frame: stopping.append(caught))
@@ -76,7 +79,7 @@ def play(
                 publisher, has_header = publishers[topic]
                 publisher.publish(data if keep_stamps or not has_header else _restamped(data, stamped))
                 count += 1
-            if not loop:
+            if not loop or not count:
                 break
         for publisher, _ in publishers.values():
             publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
@@ -90,14 +93,15 @@ def _publishers(node: Node, reader: BagReader) -> dict[str, tuple[Any, bool]]:
     """Publisher by topic, and whether its messages begin with a header; types that are not known are said."""
     publishers = {}
     for topic, msgtype in reader.topics.items():
-        package, _, name = msgtype.split("/")
         try:
-            kind = getattr(import_module(f"{package}.msg"), name)
-        except (ImportError, AttributeError):
-            node.get_logger().warning(f"{topic} is not played: {msgtype} is not known here")
+            package, kind_of, name = msgtype.split("/")
+            kind = getattr(import_module(f"{package}.{kind_of}"), name)
+            publisher = node.create_publisher(kind, topic, 100)
+        except (ImportError, AttributeError, ValueError, TypeError, NameValidationException):
+            node.get_logger().warning(f"{topic} is not played: {msgtype!r} is not known here")
             continue
         fields = list(kind.get_fields_and_field_types().values())
-        publishers[topic] = node.create_publisher(kind, topic, 100), fields[:1] == ["std_msgs/Header"]
+        publishers[topic] = publisher, fields[:1] == ["std_msgs/Header"]
     return publishers
 
 
@@ -126,10 +130,17 @@ def _paced(
 
 
 def _restamped(data: bytes, distance: int) -> bytes:
-    """The message with its header's stamp moved; a stamp of zero stays, it says that there is none."""
+    """The message with its header's stamp moved; a stamp of zero stays, it says that there is none.
+
+    So does one that cannot be moved: of a message that is too short, or beyond the range of ROS time.
+    """
+    if len(data) < 12:
+        return data
     order = "<" if data[1] & 1 else ">"
     sec, nanosec = struct.unpack_from(order + "iI", data, 4)
     if sec == 0 and nanosec == 0:
         return data
-    moved = sec * _SECOND + nanosec + distance
-    return data[:4] + struct.pack(order + "iI", *divmod(moved, _SECOND)) + data[12:]
+    seconds, nanoseconds = divmod(sec * _SECOND + nanosec + distance, _SECOND)
+    if not -(2**31) <= seconds < 2**31:
+        return data
+    return data[:4] + struct.pack(order + "iI", seconds, nanoseconds) + data[12:]

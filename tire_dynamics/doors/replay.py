@@ -19,11 +19,12 @@ __all__ = ["Summary", "replay"]
 
 
 class Summary(NamedTuple):
-    """What a replay did: messages read by topic, messages written by topic, and the parameters it ran with."""
+    """What a replay did: messages read and written by topic, the parameters, and what is wrong with the bag."""
 
     received: dict[str, int]
     written: dict[str, int]
     parameters: dict[str, Any]
+    damage: str
 
 
 class _Event(NamedTuple):
@@ -51,8 +52,8 @@ def replay(
     output : path
         The rosbag2 folder to write: the inputs as they were, every output, and what a further replay needs.
     config : path, optional
-        Parameters, as :func:`~tire_dynamics.doors.parameters.read_config` takes them. Without it a log's own
-        parameters are used, and for any other bag the defaults, with the wheels that its topics name.
+        Parameters, as :func:`~tire_dynamics.doors.parameters.read_config` takes them. What it leaves out is a
+        log's own, and for any other bag the default, with the wheels that its topics name.
     force : bool
         Replace an output that exists.
 
@@ -74,7 +75,7 @@ def replay(
     """
     reader = BagReader(source)
     log = _log_of(reader)
-    given = read_config(config) if config is not None else log["parameters"] if log is not None else {}
+    given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
     if "wheels" not in given:
         given = {**given, "wheels": _wheels(reader)}
     try:
@@ -86,12 +87,22 @@ def replay(
         events = _recorded(reader, names)
     else:
         events = _received(reader, names, wiring)
-    return _run(wiring, events, names, Path(output), force, own_parameters=config is None)
+    try:
+        received, written = _run(wiring, events, names, Path(output), force, own_parameters=config is None)
+    except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
+        raise InputError(f"{source}: {error}") from None
+    return Summary(received, written, wiring.values, reader.damage)
 
 
 def _run(
-    wiring: Wiring, events: Iterable[_Event], names: Mapping[str, str], output: Path, force: bool, own_parameters: bool
-) -> Summary:
+    wiring: Wiring,
+    events: Iterable[_Event],
+    names: Mapping[str, str],
+    output: Path,
+    force: bool,
+    own_parameters: bool,
+) -> tuple[dict[str, int], dict[str, int]]:
+    """Messages read and written, by topic."""
     received = dict.fromkeys(wiring.inputs, 0)
     written = dict.fromkeys(wiring.outputs, 0)
     with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
@@ -119,15 +130,20 @@ def _run(
                 received[topic] += 1
         if not any(written.values()):
             raise InputError(_why_nothing(wiring, received))
-    return Summary(received, written, wiring.values)
+    return received, written
 
 
 def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_parameters: bool) -> None:
-    """Go on as the log's record says: from its state if it is the first, and with its tire."""
+    """Go on as the log's record says, with its tire and from its state.
+
+    A record that is not the first stands where the tire was changed, or where messages had been lost before it. With
+    other parameters than the log's own, the state is that of another system, and only the first is taken over.
+    """
     try:
         if own_parameters:
             wiring.set_values({k: v for k, v in record["parameters"].items() if k.startswith("tire.")})
-        if first and tuple(record["parameters"]["wheels"]) == wiring.vehicle.settings.wheels:
+        same = all(record["parameters"][name] == list(wiring.values[name]) for name in ("wheels", "joint_names"))
+        if same and (first or own_parameters):
             wiring.vehicle.restore(record["vehicle"])
     except (LookupError, TypeError, ValueError) as error:
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
@@ -171,9 +187,11 @@ def _log_topic(reader: BagReader) -> str | None:
 def _record(data: bytes) -> dict[str, Any]:
     try:
         content = json.loads(messages.decode_string(data))
-        if {"parameters", "topics", "vehicle"} <= content.keys():
+        parameters, topics, vehicle = (content[name] for name in ("parameters", "topics", "vehicle"))
+        texts = [*topics, *topics.values()]
+        if isinstance(parameters, dict) and isinstance(vehicle, dict) and all(isinstance(text, str) for text in texts):
             return dict(content)
-    except (ValueError, AttributeError):
+    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         pass
     raise InputError("the log's record of its parameters is damaged; --config gives them anew")
 
@@ -196,11 +214,9 @@ def _names(reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | 
     types = input_types(wheels)
     for topic, msgtype in types.items():
         known = (log or {}).get("topics", {}).get(topic)
-        found = [
-            name
-            for name in reader.topics
-            if (name == known if known is not None else name == f"/{topic}" or name.endswith(f"/{topic}"))
-        ]
+        if known is None and f"/{topic}" in reader.topics:
+            known = f"/{topic}"
+        found = [name for name in reader.topics if (name == known if known else name.endswith(f"/{topic}"))]
         if len(found) > 1:
             raise InputError(f"{reader.path}: several topics could be {topic}: {', '.join(sorted(found))}")
         names[topic] = found[0] if found else f"/{topic}"
@@ -214,6 +230,8 @@ def _names(reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | 
             names[f"{wheel}/{output}"] = f"{load.removesuffix('/load')}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names})
+    if len(set(names.values())) < len(names):
+        raise InputError(f"{reader.path}: two of its topics would have one name: {_listed(names.values())}")
     speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
     if not any(name in reader.topics for name in speeds):
         present = _listed(reader.topics)
@@ -255,9 +273,9 @@ def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> It
         if due is None or last is None:
             due, last = _up_to_multiple(log_time, period), log_time
         while due < log_time:
-            if due - last > silence:
-                due = _up_to_multiple(log_time, period)
-                break
+            if due - last > silence:  # go on with the last tick before this message
+                due = max(due, _up_to_multiple(log_time, period) - period)
+                last = due
             yield _tick(due)
             due += period
         last = log_time

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -188,8 +189,9 @@ class Vehicle:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over the state of a :meth:`snapshot` of a vehicle with the same settings."""
-        self.time = snapshot["time"]
-        self._ring_turn = snapshot["ring_turn"]
+        self.time, self._ring_turn = (
+            None if snapshot[name] is None else operator.index(snapshot[name]) for name in ("time", "ring_turn")
+        )
         for estimator, state in zip(self.estimators, snapshot["wheels"], strict=True):
             estimator.restore(state)
 

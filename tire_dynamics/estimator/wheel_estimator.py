@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import operator
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -70,8 +71,12 @@ class _Input:
 
     def restore(self, snapshot: list[Any]) -> None:
         in_force, waiting = snapshot
-        self.in_force = _Sample(in_force[0], tuple(in_force[1])) if in_force else None
-        self._waiting = [_Sample(stamp, tuple(values)) for stamp, values in waiting]
+        self.in_force = _sample(*in_force) if in_force else None
+        self._waiting = [_sample(*sample) for sample in waiting]
+
+
+def _sample(stamp: int, values: Sequence[float]) -> _Sample:
+    return _Sample(operator.index(stamp), tuple(map(float, values)))
 
 
 def _stamp(sample: _Sample) -> int:
@@ -266,7 +271,7 @@ class WheelEstimator:
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over the samples, the state and the time of a :meth:`snapshot`."""
         self.reset()
-        self.time = snapshot["time"]
+        self.time = None if snapshot["time"] is None else operator.index(snapshot["time"])
         self.running = snapshot["running"]
         self._diverged = snapshot["diverged"]
         self._speed.restore(snapshot["speed"])

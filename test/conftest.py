@@ -1,0 +1,65 @@
+"""What several test files share: the recorded drive, a ROS domain of a test's own, how hypothesis runs."""
+
+import os
+
+# Read when a message module is first imported: without it, an int in a float64 field serialises as garbage.
+os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
+
+import fcntl
+import itertools
+import tempfile
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+REPOSITORY = Path(__file__).parents[1]
+
+# No deadline: how long an example takes says more about the machine than about the code. In CI the examples
+# are the same every time, so that a red run is the change's fault; elsewhere each run looks for new ones.
+settings.register_profile("local", deadline=None)
+settings.register_profile("ci", deadline=None, derandomize=True)
+settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+@pytest.fixture(scope="session")
+def drive():
+    """The folder with the recordings of a real drive (comma2k19), which are not part of this repository."""
+    folder = Path(os.environ.get("TIRE_DYNAMICS_DATA", REPOSITORY.parent / "shared" / "data" / "comma2k19"))
+    if not (folder / "wheel_speed.csv").is_file():
+        pytest.skip(f"no recorded drive in {folder}: TIRE_DYNAMICS_DATA names the folder of wheel_speed.csv")
+    return folder
+
+
+_domains = itertools.count(os.getpid())
+
+
+@pytest.fixture
+def ros_domain(monkeypatch, tmp_path):
+    """A ROS domain id that no other test on this machine has while this one runs.
+
+    It is in the environment for processes that the test starts; for a context in this process, give it to
+    ``rclpy.context.Context.init(domain_id=...)``. Discovery stays on this machine, and ROS logs go to
+    ``tmp_path``.
+    """
+    if find_spec("rclpy") is None:
+        pytest.skip("rclpy is not installed: the extra `ros` brings it where there are wheels, else ROS does")
+    for number in itertools.islice(_domains, 101):
+        domain = number % 101 + 1  # not 0, everyone's default; above 101 ports run into Linux's own
+        try:
+            lock = open(Path(tempfile.gettempdir()) / f"tire_dynamics_domain_{domain}.lock", "a")
+        except PermissionError:  # another user's
+            continue
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process, however that ends
+            break
+        except BlockingIOError:
+            lock.close()
+    else:
+        pytest.fail("every ROS domain from 1 to 101 is taken by another test")
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
+    with lock:
+        yield domain

@@ -1,0 +1,253 @@
+"""Bags played live: what is published, when, and with which stamps."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="rclpy is not installed: the extra `ros` brings it")
+
+from rclpy.context import Context
+from rclpy.experimental import EventsExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64
+
+from tire_dynamics.doors import messages
+from tire_dynamics.doors.bag import BagWriter
+from tire_dynamics.doors.messages import JointStateEncoder, encode_float64
+
+REPOSITORY = Path(__file__).parents[1]
+PATIENCE = 30.0  # [s] after which what should have happened has not
+SECOND = 10**9
+BEGIN = 1_600_000_000 * SECOND
+STEP = 20_000_000
+LAG = 3_000_000  # from stamp to recording
+
+
+class Listener:
+    """Hears /speed and /joint_states, and when; own context, so that it is a process of its own to the player."""
+
+    def __init__(self, domain: int) -> None:
+        self.context = Context()
+        self.context.init(args=[], domain_id=domain)
+        self.node = Node("listener", context=self.context)
+        self.executor = EventsExecutor(context=self.context)
+        self.executor.add_node(self.node)
+        self.speeds: list[tuple[int, float]] = []
+        self.joints: list[tuple[int, int, float]] = []  # receipt, stamp, velocity
+        qos = QoSProfile(depth=1000)
+        self.node.create_subscription(Float64, "/speed", self._speed, qos)
+        self.node.create_subscription(JointState, "/joint_states", self._joint_states, qos)
+
+    def _speed(self, message: Float64) -> None:
+        self.speeds.append((time.time_ns(), message.data))
+
+    def _joint_states(self, message: JointState) -> None:
+        stamp = message.header.stamp.sec * SECOND + message.header.stamp.nanosec
+        self.joints.append((time.time_ns(), stamp, message.velocity[0]))
+
+    def until(self, condition, what: str) -> None:
+        limit = time.monotonic() + PATIENCE
+        while not condition():
+            if time.monotonic() > limit:
+                pytest.fail(f"waited {PATIENCE:g} s for {what}")
+            self.executor.spin_once(timeout_sec=0.005)
+
+    def close(self) -> None:
+        self.node.destroy_node()
+        self.executor.shutdown()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def listener(ros_domain):
+    one = Listener(ros_domain)
+    try:
+        yield one
+    finally:
+        one.close()
+
+
+def write_bag(folder: Path, count: int, *, stamp_lag: int = LAG, begin: int = BEGIN) -> Path:
+    """``count`` speeds and joint states, numbered, one of each every 20 ms; the last stamp is zero: none."""
+    encoder = JointStateEncoder(["wheel"])
+    with BagWriter(folder) as writer:
+        speed = writer.add_topic("/speed", messages.FLOAT64)
+        joints = writer.add_topic("/joint_states", messages.JOINT_STATE)
+        for number in range(count):
+            now = begin + number * STEP
+            writer.write(speed, now, now, encode_float64(float(number)))
+            stamp = now - stamp_lag if number < count - 1 else 0
+            writer.write(joints, now, now, encoder.encode(stamp, [float(number)]))
+    return folder
+
+
+@contextmanager
+def player(*arguments):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "tire_dynamics.doors.cli", "play", *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def ended(listener: Listener, process: subprocess.Popen) -> str:
+    """What the player said once it has ended well."""
+    listener.until(lambda: process.poll() is not None, "the player's end")
+    said = process.communicate()[1]
+    assert process.returncode == 0, said
+    assert "Traceback" not in said
+    return said
+
+
+def test_all_messages_at_the_recorded_pace_with_stamps_moved_to_the_present(listener, tmp_path):
+    count = 60
+    bag = write_bag(tmp_path / "bag", count)
+    with player(bag, "--wait", "10") as process:
+        said = ended(listener, process)
+    listener.until(lambda: len(listener.joints) == count, "the last message")
+    assert f"{2 * count} messages" in said
+    assert [value for _, value in listener.speeds] == [value for _, _, value in listener.joints] == [*range(count)]
+    # Pace: nothing comes before its time after the first; a busy machine may make it late.
+    first = listener.speeds[0][0]
+    early = [first + number * STEP - at for number, (at, _) in enumerate(listener.speeds)]
+    assert max(early) < 10_000_000  # the first itself may have been late
+    # A stamp keeps its distance to the recording, which is now the moment of sending.
+    for at, stamp, _ in listener.joints[:-1]:
+        assert stamp + LAG <= at
+        assert at - stamp < 5 * SECOND
+    assert listener.joints[-1][1] == 0  # no stamp stays no stamp
+    stamps = [stamp for _, stamp, _ in listener.joints[:-1]]
+    assert all(after > before for before, after in zip(stamps, stamps[1:], strict=False))
+
+
+def test_kept_stamps_and_another_rate(listener, tmp_path):
+    count = 100  # 2 s, at four times the pace half a second
+    bag = write_bag(tmp_path / "bag", count)
+    with player(bag, "--wait", "10", "--rate", "4", "--keep-stamps") as process:
+        ended(listener, process)
+    listener.until(lambda: len(listener.joints) == count, "the last message")
+    assert [stamp for _, stamp, _ in listener.joints[:-1]] == [BEGIN + i * STEP - LAG for i in range(count - 1)]
+    first = listener.speeds[0][0]
+    early = [first + number * STEP // 4 - at for number, (at, _) in enumerate(listener.speeds)]
+    assert max(early) < 10_000_000
+    median = sorted(b[0] - a[0] for a, b in zip(listener.speeds, listener.speeds[1:], strict=False))[count // 2]
+    assert median < STEP // 2  # faster than it was recorded
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_loop_goes_on_until_a_signal(listener, tmp_path, number):
+    count = 5
+    bag = write_bag(tmp_path / "bag", count)
+    with player(bag, "--wait", "10", "--loop") as process:
+        listener.until(lambda: len(listener.speeds) > 3 * count, "three turns")
+        process.send_signal(number)
+        ended(listener, process)
+    values = [int(value) for _, value in listener.speeds]
+    assert values[: 3 * count] == [*range(count)] * 3
+
+
+def test_a_pause_in_the_bag_ends_at_a_signal(listener, tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        speed = writer.add_topic("/speed", messages.FLOAT64)
+        for now in (BEGIN, BEGIN + 3600 * SECOND):
+            writer.write(speed, now, now, encode_float64(1.0))
+    with player(tmp_path / "bag", "--wait", "10") as process:
+        listener.until(lambda: listener.speeds, "the first message")
+        process.send_signal(signal.SIGINT)
+        ended(listener, process)
+
+
+def test_it_begins_without_subscribers_when_the_wait_is_over(listener, tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        for topic in ("/speed", "/nobody"):
+            writer.write(writer.add_topic(topic, messages.FLOAT64), BEGIN, BEGIN, encode_float64(1.0))
+    with player(tmp_path / "bag", "--wait", "0.5") as process:
+        assert "2 messages" in ended(listener, process)
+
+
+def mcap_with(path: Path, topics: dict[str, tuple[str, bytes]]) -> Path:
+    """A file as another recorder could have written it: any topic, type name and content."""
+    from mcap.writer import Writer
+
+    with open(path, "wb") as file:
+        writer = Writer(file)
+        writer.start("ros2", "test")
+        for topic, (msgtype, data) in topics.items():
+            schema = writer.register_schema(msgtype, "ros2msg", b"float64 data")
+            channel = writer.register_channel(topic, "cdr", schema)
+            writer.add_message(channel, BEGIN, data, BEGIN)
+        writer.finish()
+    return path
+
+
+@pytest.mark.parametrize(
+    "msgtype",
+    ["no_such_msgs/msg/Thing", "std_msgs/msg/NoSuchThing", "std_msgs/Float64", "os/msg/path", "", "a/b/c/d", "/msg/",
+     "example_interfaces/srv/AddTwoInts_Event", "..x/msg/Y"],
+)  # fmt: skip
+def test_types_that_are_not_known_are_said_and_left_out(listener, tmp_path, msgtype):
+    known = ("std_msgs/msg/Float64", encode_float64(7.0))
+    bag = mcap_with(tmp_path / "bag.mcap", {"/thing": (msgtype, b"\0\1\0\0xxxx"), "/speed": known})
+    with player(bag, "--wait", "10") as process:
+        said = ended(listener, process)
+    assert "/thing" in said and "1 messages" in said
+    listener.until(lambda: [value for _, value in listener.speeds] == [7.0], "the message of the known type")
+
+
+def test_nothing_to_play_is_an_error(ros_domain, tmp_path):
+    bag = mcap_with(tmp_path / "bag.mcap", {"/thing": ("no_such_msgs/msg/Thing", b"\0\1\0\0")})
+    with player(bag) as process:
+        _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2, said
+    assert said.splitlines()[-1].startswith("tire-dynamics: ") and "Traceback" not in said
+
+
+@pytest.mark.parametrize(
+    ("topic", "msgtype", "data"),
+    [
+        ("not a topic", "std_msgs/msg/Float64", encode_float64(1.0)),
+        ("/joint_states", "sensor_msgs/msg/JointState", b"\0\1\0\0"),  # ends before its stamp
+        ("/joint_states", "sensor_msgs/msg/JointState", b"\0\1\0\0\0\1"),
+        ("/empty", "std_msgs/msg/Float64", b""),
+    ],
+)
+def test_what_cannot_be_published_is_no_traceback(ros_domain, tmp_path, topic, msgtype, data):
+    bag = mcap_with(tmp_path / "bag.mcap", {topic: (msgtype, data)})
+    with player(bag) as process:
+        _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode in (0, 2), said
+    assert "Traceback" not in said
+
+
+def test_stamps_far_from_the_recorded_times_are_no_traceback(listener, tmp_path):
+    """Recorded in simulated time near 0, stamped with real time: moved to the present it is beyond ROS's range."""
+    bag = write_bag(tmp_path / "bag", 5, begin=0, stamp_lag=-BEGIN)
+    with player(bag, "--wait", "10") as process:
+        ended(listener, process)
+    assert len(listener.speeds) == 5
+
+
+def test_a_bag_without_messages_does_not_loop_for_nothing(ros_domain, tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/speed", messages.FLOAT64)
+    with player(tmp_path / "bag", "--loop") as process:
+        _, said = process.communicate(timeout=PATIENCE)
+    assert process.returncode == 2, said
