@@ -278,20 +278,20 @@ def _draw(rows: Sequence[_Row], live: Mapping[str, list[_Logged]], path: Path) -
     axes[0].set_ylabel(f"speed, {front}\n[rad/s]")
     for axis, wheel in ((axes[1], front), (axes[2], rear)):
         _draw_forces(axis, wheel, live, begin)
-    stamps, _, force = _wrenches(live[f"/{front}/axle_wrench"])
-    moment = float(stamps[np.argmax(force[:, 1])]) - begin
+    sent, _, load = _wrenches(live[f"/{front}/load"])
+    moment = float(sent[np.argmax(load[:, 1])]) - begin
     _draw_forces(axes[3], front, live, begin)
-    axes[3].set_xlim(moment - 0.15, moment + 0.35)
-    axes[3].set_ylabel(f"{front}, its peak\n[N]")
-    axes[1].legend(loc="upper left", ncols=3, frameon=False)
+    axes[3].set_xlim(moment - 0.1, moment + 0.4)
+    axes[3].set_ylabel(f"{front}, at the\nhighest load [N]")
+    axes[3].legend(loc="lower right", ncols=3, frameon=False)
     for axis in axes[:3]:
-        axis.set_xlim(0.0, stamps[-1] - begin)
+        axis.set_xlim(0.0, sent[-1] - begin)
     axes[3].set_xlabel("time [s]")
     axes[0].set_title("What the sample drive does to the axles (vertical up, horizontal forward)", loc="left")
     for axis in axes:
         axis.grid(alpha=0.3)
         axis.margins(y=0.15)
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=110)
 
 
 def _draw_forces(axis: Any, wheel: str, live: Mapping[str, list[_Logged]], begin: float) -> None:
