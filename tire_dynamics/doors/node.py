@@ -96,6 +96,10 @@ class TireDynamicsNode(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(self._period * 1e-9, self._tick, clock=steady)
         self.create_timer(1.0, self._diagnose, clock=steady)
+        # One wheel's stability at a time: all of them together would take longer than a tick may.
+        self._stabilities: list[dict[str, Any]] = [{} for _ in self._wiring.vehicle.estimators]
+        self._next_wheel = 0
+        self.create_timer(1.0 / len(self._stabilities), self._look_at_stability, clock=steady)
 
     def _connect(self) -> None:
         self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
@@ -287,6 +291,14 @@ class TireDynamicsNode(Node):
 
         return reply
 
+    def _look_at_stability(self) -> None:
+        index = self._next_wheel
+        self._next_wheel = (index + 1) % len(self._stabilities)
+        try:
+            self._stabilities[index] = self._wiring.vehicle.stability(index)
+        except (ArithmeticError, ValueError) as error:
+            self._stabilities[index] = {"verdict": f"unknown: {error}"}
+
     def _diagnose(self) -> None:
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
@@ -327,12 +339,12 @@ class TireDynamicsNode(Node):
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle = self._wiring.vehicle
         estimator = vehicle.estimators[index]
-        reply = vehicle.stability(index)
-        critical = reply["critical_speed_rad_s"]
-        level, summary = DiagnosticStatus.OK, reply["verdict"]
-        if reply["verdict"] == "unstable":
+        reply = self._stabilities[index]
+        verdict = reply.get("verdict", "not yet known")
+        level, summary = DiagnosticStatus.OK, verdict
+        if verdict == "unstable":
             level = DiagnosticStatus.ERROR
-        elif reply["verdict"] != "asymptotically stable":
+        elif reply and verdict != "asymptotically stable":
             level = DiagnosticStatus.WARN
         ages = dict(zip(("speed", "load"), estimator.ages(), strict=True))
         stale = []
@@ -343,15 +355,15 @@ class TireDynamicsNode(Node):
                 stale.append(f"{name} is {age * 1e-9:.3f} s old")
         if stale:
             level, summary = DiagnosticStatus.ERROR, "no output: " + ", ".join(stale)
-        radius = reply["spectral_radius"]
         values = {
             "in motion": estimator.running,
             **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
             "speed [rad/s]": f"{estimator.speed:.4f}",
             "load [N]": f"{estimator.load[0]:.1f}",
-            "stability": reply["verdict"],
-            "spectral radius": "-" if radius is None else f"{radius:.6f}",
-            "critical speed [rad/s]": "none" if critical is None else f"{critical:.2f}",
+            "stability": verdict,
+            "stability at speed [rad/s]": _shown(reply.get("speed_rad_s"), ".4f"),
+            "spectral radius": _shown(reply.get("spectral_radius"), ".6f"),
+            "critical speed [rad/s]": _shown(reply.get("critical_speed_rad_s"), ".2f"),
             "stops for stale inputs": estimator.stops,
             "stops for divergence": estimator.divergences,
             **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},
@@ -422,6 +434,10 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
             node.close()
     finally:
         rclpy.try_shutdown()
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "none" if value is None else format(value, form)
 
 
 def _first_line(error: BaseException) -> str:
