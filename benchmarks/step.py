@@ -39,19 +39,23 @@ def main() -> None:
     for name, rtol, restart in (("one call", 1e-9, False), ("restarted", 1e-9, True)):
         y, cost = timed(lambda rtol=rtol, restart=restart: periodic(unit, t, load, rtol=rtol, restart=restart))
         rows.append((f"solve_ivp DOP853, rtol 1e-9, {name}", cost, y))
-    peer = rows[0][1]  # the cheaper of the two
+    peers = [cost for _, cost, _ in rows]
     y, cost = timed(lambda: simulate(unit, t, SPEED, load, initial="rest").wheel_displacement)
     rows.append(("simulate: all steps known beforehand", cost, y))
     y, cost = timed(lambda: one_by_one(unit, t, load))
     rows.append(("stepper: step by step", cost, y))
     print(f"{t.size - 1} steps of 1 ms, one wheel, n = 1 and wheel")
-    print(f"{'':44}{'us/step':>10}{'x faster':>10}{'error':>10}")
+    print(f"{'':44}{'us/step':>10}{'x one call':>12}{'x restarted':>12}{'error':>10}")
     for name, cost, y in rows:
         error = np.abs(y - reference).max() / np.abs(reference).max()
-        print(f"{name:44}{1e6 * cost / (t.size - 1):10.2f}{peer / cost:10.1f}{error:10.1e}")
+        print(f"{line(name, cost, t.size - 1, peers)}{error:10.1e}")
     _, cost = timed(lambda: live(unit, t, load))
-    print(f"{'live estimator: sample and tick at 1 kHz *':44}{1e6 * cost / (t.size - 1):10.2f}{peer / cost:10.1f}")
-    print("* holds each load until the next, so it answers another input; a sample falls between two ticks: two steps")
+    print(line("live estimator, sample and tick at 1 kHz *", cost, t.size - 1, peers))
+    print("* with the belt's modes 2..30; it holds each load until the next, and a sample falls between two ticks: two steps")
+
+
+def line(name: str, cost: float, steps: int, peers: list[float]) -> str:
+    return f"{name:44}{1e6 * cost / steps:10.2f}" + "".join(f"{peer / cost:12.1f}" for peer in peers)
 
 
 def timed(work: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
