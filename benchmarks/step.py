@@ -51,7 +51,7 @@ def main() -> None:
         print(f"{line(name, cost, t.size - 1, peers)}{error:10.1e}")
     _, cost = timed(lambda: live(unit, t, load))
     print(line("live estimator, sample and tick at 1 kHz *", cost, t.size - 1, peers))
-    print("* with the belt's modes 2..30; it holds each load until the next, and a sample falls between two ticks: two steps")
+    print("* with the belt's modes 2..30, each load held until the next; a sample falls between two ticks: two steps")
 
 
 def line(name: str, cost: float, steps: int, peers: list[float]) -> str:

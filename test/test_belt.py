@@ -49,7 +49,7 @@ def test_belt_numbers():
 
 @pytest.mark.parametrize("rows", [(), (3,), (2, 3)])
 def test_shape_is_the_sum_over_its_modes(rows):
-    """u = Re[conj(Z) exp(i n psi)] for each n, and the first harmonic from its four amplitudes, for any stack of them."""
+    """u = Re[conj(Z) exp(i n psi)] for each n, and the first harmonic from its four amplitudes, row by row."""
     rng = np.random.default_rng(1)
     numbers, psi = [0, 2, 5], np.array([0.0, 0.3, 4.0, -1.0, 10.0])
     first = rng.normal(size=(*rows, 4))
@@ -131,9 +131,9 @@ def test_held_inputs(model, seed, varying):
 def test_the_jumps_are_what_differs(model):
     """With a tenth of the time for a jump a tenth of the difference: the two meet in the limit.
 
-    Over a ramp of length h about the jump, n^2 Omega^2 of the stiffness is held at the middle speed: n^2 (change/2)^2 h of
-    the displacement, as a velocity. The inextensional model keeps 1e-5 besides: its Euler terms' factor gamma depends
-    on Omega, and a jump at once takes it at one speed, the ramp in two halves at two.
+    Over a ramp of length h about the jump, n^2 Omega^2 of the stiffness is held at the middle speed, which misses
+    n^2 (change/2)^2 h of the displacement, as a velocity. The inextensional model keeps 1e-5 besides: its Euler terms
+    have a factor gamma that depends on Omega, and a jump at once takes it at one speed, the ramp in two halves at two.
     """
     estimator, shape = estimator_of(model), shape_of(model)
     samples = [(0, 100.0, 4000.0, 0.0), (4 * MS, 140.0, 7000.0, -500.0), (9 * MS, 60.0, 1000.0, 800.0)]
@@ -255,7 +255,7 @@ def test_same_calls_same_bits(model, calls):
 @settings(max_examples=25)
 @given(before=CALLS, after=CALLS)
 def test_snapshot_continues_bit_for_bit(model, before, after):
-    """Through JSON, with steps that wait to be taken together, in an estimator that has lived through something else."""
+    """Through JSON, with steps that wait to be taken together, in an estimator that has had another past."""
     shape, original, copied = shape_of(model), running(model), estimator_of(model, timeout=50 * MS)
     run(original, shape, before)
     text = json.dumps(original.snapshot(), allow_nan=False)

@@ -1,4 +1,4 @@
-"""Energy seen from the fixed frame: kept where nothing damps, at any speed; never gained at standstill where something does."""
+"""Energy seen from the fixed frame: kept at any speed where nothing damps, never gained at standstill."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNDAMPED = TireWheelUnit.table_1(zeta_1=0.0, zeta_s=0.0, zeta_n=0.0)
 
 
 def energy(unit, states):
-    """m R'^2/2 + M y'^2/2 + k_1 |R - y e_Y|^2/2 + k_s y^2/2 of fixed-frame states [J], section 2.3 of the model's page."""
+    """m R'^2/2 + M y'^2/2 + k_1 |R - y e_Y|^2/2 + k_s y^2/2 of fixed-frame states [J], section 2.3."""
     X_dot, Y_dot, y_dot, X, Y, y = np.moveaxis(states, -1, 0)
     k_1 = math.pi * unit.radius * unit.width * (unit.radial_stiffness + unit.tangential_stiffness)
     m = 2.0 * math.pi * unit.radius * unit.width * unit.density * unit.thickness
@@ -41,7 +41,7 @@ START = np.array([0.7, -1.1, 0.4, 2e-3, -1e-3, 3e-3])  # every motion in it: 3 J
 @pytest.mark.parametrize("damping", ["modal", "reaction"])
 @pytest.mark.parametrize("speed", [0.0, 209.4, -480.0, 5000.0])
 def test_energy_is_kept_without_damping(damping, speed):
-    """1e5 steps at a constant speed. Rounding is 2^-53 or two per step, in either direction: 1e-11 at the very most."""
+    """1e5 steps at a constant speed. The transition is rounded once and taken every time: its 2^-53 or so adds up."""
     unit = UNDAMPED.replace(sidewall_damping=damping)
     E = energy(unit, states_along(unit, np.full(100_000, speed), 1e-3, START))
     assert np.abs(E / E[0] - 1.0).max() < 1e-10

@@ -62,9 +62,8 @@ class Lagrangian:
         strain = unit.membrane_stiffness / a**2 * form(t_1 + u_z) + unit.bending_stiffness / a**4 * form(t_1 - z_2)
         self.K, self.K_spin = strain + unit.inflation_pressure / a * hoop, rho_h * hoop
         self.K[-1, -1] += unit.suspension_stiffness
-        self.c_s = 2.0 * unit.zeta_s * math.sqrt(
-            unit.suspension_stiffness * (unit.wheel_mass + 2.0 * math.pi * a * b * rho_h)
-        )
+        mass = unit.wheel_mass + 2.0 * math.pi * a * b * rho_h
+        self.c_s = 2.0 * unit.zeta_s * math.sqrt(unit.suspension_stiffness * mass)
         # E = E_0 + sin(phi) E_s + cos(phi) E_c; a held wheel moved along X adds (-cos psi, sin psi) x to E q
         cos, sin = np.concatenate([np.cos(theta), -np.sin(theta)]), np.concatenate([np.sin(theta), np.cos(theta)])
         self.E = np.zeros((3, 2 * points, len(self.place)))
@@ -218,9 +217,7 @@ class Drive:
         self.t, self.speed, self.radial, self.tangential = (
             np.array(np.broadcast_to(v, np.shape(t)), dtype=float) for v in (t, speed, radial, tangential)
         )
-        self.turned = np.concatenate(
-            [[0.0], np.cumsum(0.5 * np.diff(self.t) * (self.speed[1:] + self.speed[:-1]))]
-        )
+        self.turned = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(self.t) * (self.speed[1:] + self.speed[:-1]))])
 
     def at(self, time, begin=None):
         """phi, Omega, Omega', f_r, f_t; ``begin`` says which piece a knot belongs to."""
@@ -257,7 +254,8 @@ def units(draw):
     damping = st.floats(0.0, 0.5)
     return TABLE_1.replace(
         **changes, zeta_1=draw(damping), zeta_s=draw(damping), zeta_n=draw(damping),
-        contact_half_angle=draw(st.sampled_from([0.0, 0.1, 1.0])), sidewall_damping=draw(st.sampled_from(["modal", "reaction"])),
+        contact_half_angle=draw(st.sampled_from([0.0, 0.1, 1.0])),
+        sidewall_damping=draw(st.sampled_from(["modal", "reaction"])),
     )  # fmt: skip
 
 
@@ -385,11 +383,15 @@ def paper_amplitude(unit, n, W, F, coriolis=True):
     I = d * n * W  # noqa: E741
     F_n = n * C * F / ((A + n * C) * math.pi * a * unit.width * rho_h)
     amplitude, phase = F_n / math.hypot(R, I), math.atan2(I, R)
-    return -amplitude * complex(math.cos(phase), math.sin(phase))  # conj(Z) exp(i n psi) -> -cos(n (psi - psi_0) - phase)
+    # Re[conj(Z) exp(i n (psi - psi_0))] = -amplitude cos(n (psi - psi_0) - phase)
+    return -amplitude * complex(math.cos(phase), math.sin(phase))
 
 
 @settings(max_examples=40)
-@given(unit=units(), speed=st.floats(-300.0, 300.0), n=st.integers(2, 6), model=st.sampled_from(["inextensional", "hybrid"]))
+@given(
+    unit=units(), speed=st.floats(-300.0, 300.0), n=st.integers(2, 6),
+    model=st.sampled_from(["inextensional", "hybrid"]),
+)  # fmt: skip
 def test_steady_state_is_the_papers(unit, speed, n, model):
     unit = unit.replace(zeta_n=max(unit.zeta_n, 1e-3), contact_half_angle=0.0)
     modes = RingModes(unit, [n], model)
@@ -589,9 +591,10 @@ def test_change_speed_is_the_integral_of_the_euler_terms(unit, model, before, ch
     full = np.zeros(len(reference.place))
     for (n, kind), i in list(reference.place.items())[:-1]:
         full[i] = values[kind][numbers.index(n)]
-    still = np.concatenate([np.zeros(reference.motions.shape[1]), np.linalg.pinv(reference.motions) @ full])
+    motions, own = reference.motions, reference.motions.shape[1]
+    still = np.concatenate([np.zeros(own), np.linalg.pinv(motions) @ full])
     euler = [reference.slope(still, 0.0, before, rate, 0.0, 0.0, CONTACT_ANGLE, False) for rate in (change, 0.0)]
-    jumps = dict(zip(reference.place, reference.motions @ (euler[0] - euler[1])[: reference.motions.shape[1]], strict=True))
+    jumps = dict(zip(reference.place, motions @ (euler[0] - euler[1])[:own], strict=True))
     found = modes.change_speed(state, before, before + change) - state
     for i, n in enumerate(numbers):
         expected = [jumps[n, "alpha"] + 1j * jumps.get((n, "beta"), found[i, 0].imag)]

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from test_modes import Drive, Lagrangian
 
 from tire_dynamics import TireWheelUnit, ring
 
@@ -188,7 +189,7 @@ def harmonic_balance(unit, n, W, f_r, f_t, coriolis=True):
 def test_steady_amplitudes(unit, n, speed, load, traction):
     """Against harmonic balance of the ring-frame equations; u_z(psi) at theta = psi - Omega t is the same at all t."""
     psi = np.linspace(0.0, 2.0 * math.pi, 7)
-    cosine, sine = ring.steady_amplitudes(unit, n, speed, load, traction)
+    cosine, sine = ring.steady_amplitudes(unit, [n], speed, load, traction)
     angle = n * (psi - ring.CONTACT_ANGLE)
     found = cosine * np.cos(angle) + sine * np.sin(angle)
     alpha, beta = harmonic_balance(unit, n, speed, -load, -traction)
@@ -204,7 +205,7 @@ def test_steady_amplitudes(unit, n, speed, load, traction):
 @settings(max_examples=30)
 @given(unit=units(), n=wavenumbers, speed=speeds)
 def test_steady_amplitudes_without_coriolis(unit, n, speed):
-    cosine, sine = ring.steady_amplitudes(unit, n, speed, 1000.0, model="hybrid")
+    cosine, sine = ring.steady_amplitudes(unit, [n], speed, 1000.0, model="hybrid")
     alpha, beta = harmonic_balance(unit, n, speed, -1000.0, 0.0, coriolis=False)
     # at t = 0: u_z = Re alpha cos n psi + Re beta sin n psi, about the contact
     psi = np.linspace(0.0, 2.0 * math.pi, 7)
@@ -254,16 +255,21 @@ def test_static_radial_deflection_is_the_complete_models(unit, n):
     mass = math.pi * unit.radius * unit.width * unit.surface_density
     f = Fraction(-1000.0) / Fraction(mass)
     alpha = f * C / (B * C - A * A)  # of B alpha + A eta = f, A alpha + C eta = 0, psi from the contact
-    cosine, sine = ring.steady_amplitudes(unit, n, 0.0, 1000.0)
-    assert float(cosine) == pytest.approx(float(alpha), rel=1e-14)
-    assert float(sine) == 0.0
+    cosine, sine = ring.steady_amplitudes(unit, [n], 0.0, 1000.0)
+    assert cosine[0] == pytest.approx(float(alpha), rel=1e-13)
+    assert abs(sine[0]) <= 1e-13 * abs(cosine[0])  # the angle of the contact, n 3 pi/2, rounded
+    complete, _ = ring.steady_amplitudes(unit, [n], 0.0, 1000.0, model="complete")
+    # its eigenvectors are taken in doubles, of a matrix whose determinant cancels
+    assert complete[0] == pytest.approx(float(alpha), rel=1e-10)
 
 
-def test_symmetric_about_the_load_at_rest_only():
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+def test_symmetric_about_the_load_at_rest_only(model):
     offset = np.linspace(0.1, 3.0, 12)
     for speed in (0.0, 150.0):
         (right, along), (left, against) = (
-            ring.steady_response(TABLE_1, speed, 1961.33, ring.CONTACT_ANGLE + side * offset) for side in (1.0, -1.0)
+            ring.steady_response(TABLE_1, speed, 1961.33, ring.CONTACT_ANGLE + side * offset, model=model)
+            for side in (1.0, -1.0)
         )
         skew = np.abs(right - left).max() / np.abs(right).max()
         if speed == 0.0:
@@ -273,14 +279,16 @@ def test_symmetric_about_the_load_at_rest_only():
             assert skew > 1e-3
 
 
-@given(unit=units(), speed=speeds)
-def test_rolling_backward_is_the_mirror_image(unit, speed):
+@given(unit=units(), speed=speeds, model=st.sampled_from(["inextensional", "complete", "hybrid"]))
+def test_rolling_backward_is_the_mirror_image(unit, speed, model):
     offset = np.linspace(0.0, 3.0, 7)
-    u_z, u_theta = ring.steady_response(unit, speed, 1000.0, ring.CONTACT_ANGLE + offset)
-    mirrored = ring.steady_response(unit, -speed, 1000.0, ring.CONTACT_ANGLE - offset)
+    u_z, u_theta = ring.steady_response(unit, speed, 1000.0, ring.CONTACT_ANGLE + offset, model=model)
+    mirrored = ring.steady_response(unit, -speed, 1000.0, ring.CONTACT_ANGLE - offset, model=model)
     scale = np.abs(u_z).max() + np.abs(mirrored[0]).max()
-    assert np.abs(u_z - mirrored[0]).max() <= 1e-12 * scale
-    assert np.abs(u_theta + mirrored[1]).max() <= 1e-12 * scale
+    # the complete model's eigenvectors: 1e-16 of a matrix whose determinant cancels
+    tolerance = 1e-10 if model == "complete" else 1e-12
+    assert np.abs(u_z - mirrored[0]).max() <= tolerance * scale
+    assert np.abs(u_theta + mirrored[1]).max() <= tolerance * scale
 
 
 @pytest.mark.parametrize("model", ["inextensional", "hybrid"])
@@ -303,6 +311,251 @@ def test_shapes_follow_psi():
         assert np.shape(u_z) == np.shape(u_theta) == shape
 
 
+# -- a belt that hardly stretches -------------------------------------------------------------------------------
+
+STIFFER = TABLE_1.membrane_stiffness * 4.0 ** np.arange(3, 8)
+
+
+def rate_of(differences):
+    """By what each difference is smaller than the one before it, the membrane being four times as stiff."""
+    return np.array(differences[:-1]) / np.array(differences[1:])
+
+
+@pytest.mark.parametrize("speed", [0.0, 100.0])
+@pytest.mark.parametrize("n", [1, 2, 5, 10])
+def test_complete_frequencies_come_to_the_inextensional_ones(n, speed):
+    """With 1/K."""
+    differences = []
+    for K in STIFFER:
+        unit = TABLE_1.replace(membrane_stiffness=K)
+        complete = ring.natural_frequencies(unit, n, speed)[:2]
+        differences.append(np.abs(complete / ring.natural_frequencies(unit, n, speed, "inextensional") - 1.0).max())
+    assert rate_of(differences) == pytest.approx(4.0, abs=0.05)  # 1/K beside 1, below 1 % from 4^3 K on
+    assert differences[-1] < 1e-5
+
+
+@pytest.mark.parametrize("speed", [0.0, 100.0, -300.0])
+def test_complete_steady_response_comes_to_the_inextensional_one(speed):
+    """With 1/K, both components."""
+    psi, differences = np.linspace(0.0, 6.0, 40), []
+    for K in STIFFER:
+        complete, inextensional = (
+            np.array(ring.steady_response(TABLE_1.replace(membrane_stiffness=K), speed, 2e3, psi, n_max=6, model=model))
+            for model in ("complete", "inextensional")
+        )
+        differences.append(np.abs(complete - inextensional).max() / np.abs(inextensional).max())
+    assert rate_of(differences) == pytest.approx(4.0, abs=0.05)
+    assert differences[-1] < 1e-5
+
+
+# -- matrices, fixed frame, shapes ------------------------------------------------------------------------------
+
+
+@given(unit=units(), n=st.integers(0, 30), speed=speeds)
+def test_matrices(unit, n, speed):
+    """(3.2), (3.10)-(3.13) with their damping."""
+    for model in ("complete", "inextensional", "hybrid"):
+        if n == 0 and model != "complete":
+            continue
+        G, K = ring.matrices(unit, n, speed, model)
+        expected_G, expected_K = (matrices if model == "complete" else inextensional_matrices)(unit, n, speed)
+        d = float(ring.mode_damping(unit, n, "complete" if model == "complete" else "inextensional"))
+        expected_G = (0.0 if model == "hybrid" else 1.0) * expected_G + d * np.eye(len(K))
+        assert np.abs(G - expected_G).max() <= 1e-13 * np.abs(expected_G).max()
+        # g_1 = omega_1^2 - Omega^2 may cancel
+        assert np.abs(K - expected_K).max() <= 1e-13 * (np.abs(expected_K).max() + speed**2)
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 6])
+@pytest.mark.parametrize("speed", [0.0, -170.0])
+def test_matrices_are_the_energies(n, speed):
+    """The complete model's, from Lagrange's equations of the energies of section 2, wheel held."""
+    unit = TABLE_1.replace(zeta_1=0.1, zeta_n=0.3)
+    reference = Lagrangian(unit, [n])
+    M = np.diag(reference.M)[:-1]
+    stiffness = reference.K + speed**2 * (reference.K_spin - reference.NN) + reference.springs[0, 0]
+    rates = reference.damping + speed * (reference.PN - reference.PN.T)
+    there = [0, 2] if n == 0 else [0, 1, 2, 3]  # n = 0 has no sine coordinates of its own
+    for found, expected in zip(ring.matrices(unit, n, speed), (rates, stiffness), strict=True):
+        expected = expected[:-1, :-1] / M[:, None]
+        assert np.abs(found[np.ix_(there, there)] - expected).max() <= 1e-12 * np.abs(expected).max()
+
+
+@given(unit=units(), n=st.integers(0, 30), speed=speeds, model=st.sampled_from(["complete", "inextensional", "hybrid"]))
+def test_frequencies_seen_from_the_fixed_frame(unit, n, speed, model):
+    """x' = A x seen in axes that turn back by n phi: eigenvalues of A + n Omega N, N the quarter turn of each pair."""
+    if model != "complete":
+        n = max(n, 2)
+    G, K = (matrices if model == "complete" else inextensional_matrices)(unit, n, speed)
+    if model == "hybrid":
+        G = 0.0 * G
+    size = math.sqrt(np.abs(K).max())
+    half = len(K)
+    quarter = np.kron(np.eye(half), [[0.0, -1.0], [1.0, 0.0]])  # alpha, beta -> Re, Im of z exp(i n phi)
+    A = np.block([[-G / size, -K / size**2], [np.eye(half), np.zeros_like(K)]]) * size + n * speed * quarter
+    expected = np.linalg.eigvals(A)
+    expected = np.sort(np.abs(expected.imag))[::2]  # each with its conjugate
+    found = ring.natural_frequencies(unit, n, speed, model, frame="fixed")
+    assert found.shape == (half,) and (np.diff(found) >= 0.0).all()
+    # eigenvalues of a matrix of this size; two that coincide are known to the root of a rounding
+    assert np.abs(found - expected).max() <= 1e-7 * (size + abs(n * speed))
+
+
+def test_the_two_frames_agree_at_standstill_and_at_n_0():
+    for n in (0, 2, 5):
+        assert np.array_equal(*(ring.natural_frequencies(TABLE_1, n, frame=frame) for frame in ("ring", "fixed")))
+    assert np.array_equal(*(ring.natural_frequencies(TABLE_1, 0, 90.0, frame=frame) for frame in ("ring", "fixed")))
+
+
+def test_a_hybrid_ring_that_diverges_has_frequency_zero():
+    """n = 1 without Coriolis: only the centrifugal force is left beside the sidewall, and beats it at omega_1."""
+    omega_1 = TABLE_1.rigid_mode_frequency
+    assert (ring.natural_frequencies(TABLE_1, 1, 0.99 * omega_1, "hybrid") > 0.0).all()
+    assert (ring.natural_frequencies(TABLE_1, 1, 1.01 * omega_1, "hybrid") == 0.0).all()
+
+
+@settings(max_examples=40)
+@given(unit=units(), n=st.integers(0, 30), speed=speeds, model=st.sampled_from(["complete", "inextensional", "hybrid"]))
+def test_mode_shapes(unit, n, speed, model):
+    """z = shape exp(lambda t) moves freely: the damped equations of section 2 of docs/model.md, in complex form."""
+    n = n if model == "complete" else max(n, 2)
+    exponents, shapes = ring.mode_shapes(unit, n, speed, model)
+    count = 4 if model == "complete" else 2
+    assert exponents.shape == (count,) and shapes.shape == (count, 2)
+    assert (np.diff(exponents.imag) >= 0.0).all()
+    assert np.abs(shapes).max(axis=1) == pytest.approx(np.ones(count), rel=1e-14)
+    A, B, C = (float(value) for value in paper_coefficients(unit, n, speed))
+    d = float(ring.mode_damping(unit, n, "complete" if model == "complete" else "inextensional"))
+    for s, (z_1, z_2) in zip(exponents, shapes, strict=True):
+        # z_1 = alpha + i beta, z_2 = xi + i eta of (3.2)
+        radial = [(s * s + d * s + B) * z_1, -(2.0 * speed * s + 1j * A) * z_2]
+        tangential = [(s * s + d * s + C) * z_2, (2.0 * speed * s + 1j * A) * z_1]
+        if model == "complete":
+            for terms in (radial, tangential):
+                # an eigenvector is known to 1e-16 of the largest term, over the distance of its eigenvalue
+                assert abs(sum(terms)) <= 1e-10 * (abs(s) ** 2 + B + C)
+        else:
+            assert z_2 == pytest.approx(-1j * z_1 / n, rel=1e-14)
+            coriolis = 0.0 if model == "hybrid" else 2.0 * speed * (C + n * A) / (A + n * C)
+            g = n * (B * C - A * A) / (A + n * C)
+            assert abs(s * s + (d + 1j * coriolis) * s + g) <= 1e-8 * abs(g)  # B C - A^2 in doubles here
+    seen, same = ring.mode_shapes(unit, n, speed, model, frame="fixed")
+    assert np.sort_complex(seen) == pytest.approx(np.sort_complex(exponents + 1j * n * speed), rel=1e-12)
+    assert same.shape == shapes.shape
+
+
+def test_undamped_mode_shapes_have_the_natural_frequencies():
+    unit = TABLE_1.replace(zeta_1=0.0, zeta_n=0.0)
+    for n, speed in ((0, 120.0), (1, 50.0), (3, -200.0)):
+        for frame in ("ring", "fixed"):
+            exponents, _ = ring.mode_shapes(unit, n, speed, frame=frame)
+            expected = ring.natural_frequencies(unit, n, speed, frame=frame)
+            assert np.sort(np.abs(exponents.imag)) == pytest.approx(expected, rel=1e-10)
+            assert np.abs(exponents.real).max() <= 1e-10 * expected.max()
+
+
+# -- any point force --------------------------------------------------------------------------------------------
+
+
+def test_point_force_at_rest_against_the_energies():
+    """Static deflection by all modes to n = 6, wheel held: K q = Q of Lagrange's equations, at any angle."""
+    numbers, psi = range(7), np.linspace(0.0, 6.0, 13)
+    unit = TABLE_1.replace(contact_half_angle=0.3)
+    reference = Lagrangian(unit, numbers)
+    K = (reference.K + reference.springs[0, 0])[:-1, :-1]
+    q = np.append(np.linalg.solve(K, reference.push(0.0, -2000.0, 700.0, 4.0)[:-1]), 0.0)
+    expected = [shape @ q for shape in reference.shapes(psi)]
+    found = ring.point_force_response(unit, 0.0, -2000.0, 700.0, psi, angle=4.0, numbers=numbers, model="complete")
+    # membrane 1e3 times as stiff as what bends
+    assert np.abs(np.array(found) - expected).max() <= 1e-11 * np.abs(expected).max()
+
+
+@settings(max_examples=20)
+@given(
+    unit=units(), speed=speeds, angle=st.floats(-10.0, 10.0), turn=st.floats(-3.0, 3.0),
+    model=st.sampled_from(["inextensional", "hybrid", "complete"]),
+)  # fmt: skip
+def test_the_ring_is_round(unit, speed, angle, turn, model):
+    """A force further on has the same response further on; and responses add up."""
+    psi = np.linspace(0.0, 6.0, 7)
+
+    def response(radial, tangential, angle, psi, numbers=range(2, 8)):
+        return np.array(ring.point_force_response(
+            unit, speed, radial, tangential, psi, angle=angle, numbers=numbers, model=model
+        ))  # fmt: skip
+
+    here, there = response(1e3, -400.0, angle, psi), response(1e3, -400.0, angle + turn, psi + turn)
+    scale = np.abs(here).max()
+    assert np.abs(here - there).max() <= 1e-11 * scale  # angles of up to 7 * 20, rounded, and sharp resonances
+    parts = response(1e3, 0.0, angle, psi) + response(0.0, -400.0, angle, psi)
+    halves = response(1e3, -400.0, angle, psi, [2, 5]) + response(1e3, -400.0, angle, psi, [3, 4, 6, 7])
+    assert np.abs(here - parts).max() <= 1e-12 * np.abs(parts).max() + 1e-12 * scale
+    assert np.abs(here - halves).max() <= 1e-12 * np.abs(halves).max() + 1e-12 * scale
+
+
+@given(unit=units(), here=st.floats(0.0, 6.0), there=st.floats(0.0, 6.0))
+@settings(max_examples=20)
+def test_reciprocity_at_rest(unit, here, there):
+    """Maxwell: what a unit force at one place does at another, along each direction, the other does here."""
+
+    def compliance(at, seen):
+        return np.array([
+            ring.point_force_response(unit, 0.0, *force, seen, angle=at, numbers=range(9), model="complete")
+            for force in ((1.0, 0.0), (0.0, 1.0))
+        ])  # fmt: skip
+
+    forth, back = compliance(here, there), compliance(there, here)
+    # sums of nine modes; the determinant of each cancels two digits
+    assert np.abs(forth - back.T).max() <= 1e-10 * np.abs(compliance(here, here)).max()
+
+
+def test_steady_response_is_that_of_a_load_at_the_contact():
+    psi = np.linspace(0.0, 6.0, 11)
+    for model in ("inextensional", "hybrid", "complete"):
+        load = ring.steady_response(TABLE_1, 120.0, 1500.0, psi, n_max=12, model=model)
+        force = ring.point_force_response(
+            TABLE_1, 120.0, -1500.0, 0.0, psi, angle=1.5 * math.pi, numbers=range(2, 13), model=model
+        )  # fmt: skip
+        assert np.array_equal(load, force)
+
+
+DRIVE = Drive([0.0, 0.004, 0.01], [-80.0, -80.0, -80.0], [0.0, 3e3, -1e3], [500.0, -2e3, 0.0])
+
+
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+def test_transient_response_against_the_energies(model):
+    """From rest at constant speed, all modes of the model to n = 5, wheel held, at another angle than the contact's."""
+    numbers, psi = (range(2, 6) if model == "inextensional" else range(6)), np.linspace(0.0, 6.0, 9)
+    reference = Lagrangian(TABLE_1, numbers, model)
+    states = reference.run(DRIVE, angle=0.4, held=True)
+    expected = np.array(
+        [reference.belt(z, DRIVE.at(t)[0], psi) for z, t in zip(states, DRIVE.t, strict=True)]
+    ).swapaxes(0, 1)
+    found = ring.transient_response(
+        TABLE_1, DRIVE.t, -80.0, DRIVE.radial, DRIVE.tangential, psi, angle=0.4, numbers=numbers, model=model
+    )  # fmt: skip
+    # rtol 1e-12 per step of DOP853
+    assert np.abs(np.array(found) - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("model", ["inextensional", "complete", "hybrid"])
+@pytest.mark.parametrize("speed", [0.0, 130.0, -60.0])
+def test_transient_response_comes_to_the_steady_one_and_stays(model, speed):
+    """After 10 s, from rest, exp(-0.02 * 480 * 10) of it is left."""
+    psi, numbers = np.linspace(0.0, 6.0, 9), range(2, 9)
+    steady = np.array(ring.point_force_response(TABLE_1, speed, -3e3, 500.0, psi, numbers=numbers, model=model))
+    for steady_start in (False, True):
+        found = np.array(ring.transient_response(
+            TABLE_1, [0.0, 5.0, 10.0], speed, -3e3, 500.0, psi, numbers=numbers, model=model, steady_start=steady_start
+        ))  # fmt: skip
+        assert found.shape == (2, 3, 9)
+        assert np.abs(found[:, -1] - steady).max() <= 1e-9 * np.abs(steady).max()
+        if steady_start:
+            assert np.abs(found - steady[:, None]).max() <= 1e-11 * np.abs(steady).max()
+        else:
+            assert not found[:, 0].any()
+
+
 # -- arguments --------------------------------------------------------------------------------------------------
 
 
@@ -316,6 +569,20 @@ def test_shapes_follow_psi():
         (lambda: ring.natural_frequencies(TABLE_1, 0, model="inextensional"), "n is 0"),
         (lambda: ring.natural_frequencies(TABLE_1, 2, model="rigid"), "model is 'rigid'"),
         (lambda: ring.natural_frequencies(TABLE_1, 2, math.inf), "speed is inf"),
+        (lambda: ring.natural_frequencies(TABLE_1, 2, frame="wheel"), "frame is 'wheel'"),
+        (lambda: ring.matrices(TABLE_1, 0, model="hybrid"), "n is 0"),
+        (lambda: ring.matrices(TABLE_1, 2, model="rigid"), "model is 'rigid'"),
+        (lambda: ring.mode_shapes(TABLE_1, 1, model="inextensional"), "n is 1"),
+        (lambda: ring.mode_shapes(TABLE_1, 2, math.nan), "speed is nan"),
+        (lambda: ring.mode_shapes(TABLE_1, 2, frame="wheel"), "frame is 'wheel'"),
+        (lambda: ring.point_force_response(TABLE_1, 1.0, math.nan, 0.0, 0.0), "radial is nan"),
+        (lambda: ring.point_force_response(TABLE_1, 1.0, 0.0, math.inf, 0.0), "tangential is inf"),
+        (lambda: ring.point_force_response(TABLE_1, 1.0, 0.0, 0.0, 0.0, angle=math.nan), "angle is nan"),
+        (lambda: ring.point_force_response(TABLE_1, 1.0, 0.0, 0.0, 0.0, numbers=[1]), "numbers is"),
+        (lambda: ring.transient_response(TABLE_1, [0.0, 0.0], 1.0, 0.0, 0.0, [0.0]), "time"),
+        (lambda: ring.transient_response(TABLE_1, [], 1.0, 0.0, 0.0, [0.0]), "time"),
+        (lambda: ring.transient_response(TABLE_1, [0.0, 1.0], [1.0], 0.0, 0.0, [0.0]), r"speed has shape \(1,\)"),
+        (lambda: ring.transient_response(TABLE_1, [0.0, 1.0], 1.0, math.nan, 0.0, [0.0]), "radial"),
         (lambda: ring.steady_response(TABLE_1, math.nan, 1.0, 0.0), "speed is nan"),
         (lambda: ring.steady_response(TABLE_1, 1.0, math.nan, 0.0), "load is nan"),
         (lambda: ring.steady_response(TABLE_1, 1.0, 1.0, 0.0, n_max=1), "is 1"),

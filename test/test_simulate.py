@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-
 from test_modes import Drive, Lagrangian, drives, units
+
 from tire_dynamics import TireWheelUnit, ring, simulate
 
 MODAL, REACTION = "modal", "reaction"

@@ -242,7 +242,11 @@ def test_every_way_to_write_a_number(tmp_path, text):
     assert unit.radial_stiffness == 5.8e6
 
 
-@pytest.mark.parametrize("text", ["'5.80e6'", '"5.80e6"', "5_800_000.0", "0x10", "0o7", "1:30", "5.80e", "e6", "5.8.0e6", "5.80e6 N", "1e5e5", "~", "true"])
+@pytest.mark.parametrize(
+    "text",
+    ["'5.80e6'", '"5.80e6"', "5_800_000.0", "0x10", "0o7", "1:30", "5.80e", "e6", "5.8.0e6", "5.80e6 N", "1e5e5", "~",
+     "true"],
+)  # fmt: skip
 def test_not_a_number_in_yaml(tmp_path, text):
     with pytest.raises(ValueError, match="radial_stiffness is .* number"):
         TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", table_1_text(radial_stiffness=text)))
@@ -263,8 +267,9 @@ def test_words_as_yaml_1_2_reads_them(tmp_path, text):
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("true", True), ("False", False), ("null", None), ("~", None), ("", None), (".inf", math.inf), ("-.INF", -math.inf)],
-)
+    [("true", True), ("False", False), ("null", None), ("~", None), ("", None), (".inf", math.inf),
+     ("-.INF", -math.inf), ("-7", -7)],
+)  # fmt: skip
 def test_the_other_plain_values(tmp_path, text, value):
     assert read_yaml(write(tmp_path / "file.yaml", f"a: {text}\n")) == {"a": value}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 
@@ -11,7 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tire_dynamics import TireWheelUnit, simulate, wheel
+from tire_dynamics.estimator.belt import BeltShape, belt_numbers
 from tire_dynamics.estimator.vehicle import Vehicle, VehicleSettings, stability_reply
+from tire_dynamics.estimator.wheel_estimator import WheelEstimator
 
 MS = 1_000_000  # ns
 NOW = 1_800_000_000_000_000_000
@@ -302,6 +305,24 @@ def test_belt_is_the_simulated_one():
     assert output.belt[0].argmin() == 18  # 3 pi/2: pressed in at the contact
 
 
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+def test_belt_and_forces_are_the_wheels_of_that_model(model):
+    """In motion too: the forces and the shape are those of an estimator fed with the same samples."""
+    settings = VehicleSettings(UNIT, WHEELS, JOINTS, ring_samples=24, n_max=9, model=model)
+    seen = drive(Vehicle(settings), 60)
+    alone = WheelEstimator(UNIT, model=model, n_max=9, timeout=settings.input_timeout)
+    shape = BeltShape(2.0 * math.pi * np.arange(24) / 24, belt_numbers(9, model))
+    expected = []
+    for k in range(60):
+        stamp = NOW + k * TICK
+        alone.add_speed(stamp - 300_000, 82.0 + 0.1 * k)
+        alone.add_load(stamp - 500_000, 4000.0 + 10.0 * k, 40.0)
+        alone.advance(stamp)
+        due = stamp // settings.ring_period != (stamp - TICK) // settings.ring_period
+        expected.append((k, *alone.axle_force, alone.belt(shape).tobytes() if due else None))
+    assert seen[2] == expected
+
+
 def test_another_tire_for_every_wheel(vehicle):
     drive(vehicle, 20)
     before = [estimator.state for estimator in vehicle.estimators]
@@ -318,10 +339,10 @@ def test_another_tire_for_every_wheel(vehicle):
 
 
 @settings(max_examples=10)
-@given(ticks=st.integers(0, 60))
-def test_snapshot_continues_bit_for_bit(ticks):
+@given(ticks=st.integers(0, 60), model=st.sampled_from(["inextensional", "complete"]))
+def test_snapshot_continues_bit_for_bit(ticks, model):
     """Through JSON, belts and all, from the middle of a ring period too."""
-    original, copied = Vehicle(SETTINGS), Vehicle(SETTINGS)
+    original, copied = (Vehicle(dataclasses.replace(SETTINGS, model=model)) for _ in range(2))
     drive(original, ticks)
     drive(copied, 7, start=NOW + 3600 * 1000 * MS)
     copied.restore(json.loads(json.dumps(original.snapshot(), allow_nan=False)))
@@ -367,6 +388,18 @@ def test_stability_reply_at_standstill(vehicle):
     assert reply["speed_rad_s"] == 0.0
     assert reply["period_s"] is None and reply["multipliers"] is None and reply["spectral_radius"] is None
     assert reply["verdict"] == "asymptotically stable" and len(reply["exponents_1_s"]) == 6
+
+
+def test_stability_reply_of_the_complete_model():
+    """Its own multipliers, ten of them, and its own critical speed."""
+    vehicle = Vehicle(dataclasses.replace(SETTINGS, model="complete"))
+    vehicle.wheel_speed(2, NOW, 120.0)
+    vehicle.tick(NOW)
+    reply = vehicle.stability(2)
+    assert reply == stability_reply("rear_left", UNIT, 120.0, "complete")
+    assert len(reply["multipliers"]) == len(reply["exponents_1_s"]) == 10
+    assert reply["critical_speed_rad_s"] == wheel.critical_speed(UNIT, "complete")
+    assert reply["critical_speed_rad_s"] != wheel.critical_speed(UNIT)
 
 
 def test_stability_reply_of_a_unit_that_never_loses_it():

@@ -320,7 +320,7 @@ def test_is_unstable(model):
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("half_angle", [1e-9, 0.1, 0.5, 0.5 * math.pi])
 def test_contact_patch(model, half_angle):
-    """Section 4: the first harmonic of a load spread over +-phi_c is sin(phi_c)/phi_c of a point load's; only it acts."""
+    """Section 4: only the first harmonic of a spread load reaches the wheel, sin(phi_c)/phi_c of a point load's."""
     point, spread = (wheel.fixed_frame(TABLE_1.replace(contact_half_angle=a), model) for a in (0.0, half_angle))
     share = math.sin(half_angle) / half_angle
     assert spread.input == pytest.approx(share * point.input, rel=1e-15)
@@ -449,6 +449,33 @@ STABLE_AGAIN = TABLE_1.replace(
     tangential_stiffness=1.5e7, inflation_pressure=5.5e4, wheel_mass=4.7, suspension_stiffness=3.4e4,
     zeta_1=0.067, zeta_s=0.026,
 )  # fmt: skip
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+@pytest.mark.parametrize("speed", [50.0, 2000.0 * RPM])
+def test_complete_multipliers_come_to_the_inextensional_ones(damping, speed):
+    """As the membrane grows stiffer, with a difference that falls as 1/K; the 4 of the stretching motion apart."""
+    differences = []
+    for K in TABLE_1.membrane_stiffness * 4.0 ** np.arange(3, 8):
+        unit = TABLE_1.replace(membrane_stiffness=K, sidewall_damping=damping)
+        complete, inextensional = (wheel.stability(unit, speed, model) for model in ("complete", "inextensional"))
+        slow = complete.exponents[np.argsort(np.abs(complete.exponents))[:6]]
+        moduli = np.sort(np.exp(slow.real * complete.period))
+        differences.append(np.abs(moduli / np.sort(np.abs(inextensional.multipliers)) - 1.0).max())
+    ratios = np.array(differences[:-1]) / differences[1:]
+    assert ratios == pytest.approx(4.0, abs=0.05)  # the next order is 1/K itself beside 1, below 1 % from 4^3 K on
+    assert differences[-1] < 1e-5
+
+
+@pytest.mark.parametrize("damping", DAMPINGS)
+def test_complete_critical_speed_comes_to_the_inextensional_one(damping):
+    differences = []
+    for K in TABLE_1.membrane_stiffness * 4.0 ** np.arange(5, 9):
+        unit = TABLE_1.replace(membrane_stiffness=K, sidewall_damping=damping)
+        differences.append(abs(wheel.critical_speed(unit, "complete") / wheel.critical_speed(unit) - 1.0))
+    ratios = np.array(differences[:-1]) / differences[1:]
+    # its rate is reached late: 2000 rad/s are much beside the stretching motion's sqrt(K)
+    assert ratios == pytest.approx(4.0, abs=0.2) and differences[-1] < 1e-7
 
 
 # -- critical speed ---------------------------------------------------------------------------------------------

@@ -112,8 +112,7 @@ def natural_frequencies(
     The inextensional model has nu^2 + D_c nu - g_n = 0 (3.10). From the fixed frame, nu is seen as nu + n Omega.
     """
     _check(n, speed, model, lowest=0 if model == "complete" else 1)
-    if frame not in ("ring", "fixed"):
-        raise ValueError(f"frame is {frame!r}; it must be 'ring' or 'fixed'")
+    _check_frame(frame)
     if model == "complete":
         A, B, C, determinant = (float(value) for value in coefficients(unit, n, speed))
         roots = np.roots([1.0, 0.0, -(B + C + 4.0 * speed * speed), -4.0 * A * speed, determinant])
@@ -149,6 +148,7 @@ def mode_shapes(
         (z_1, z_2) of each, the larger of the two 1: u_z = Re[conj(z_1) exp(i n theta)], u_theta with z_2.
     """
     _check(n, speed, model, lowest=0 if model == "complete" else 2)
+    _check_frame(frame)
     modes = RingModes(unit, [n], model)
     spinning = modes.at(speed)
     states = np.swapaxes(spinning.right[0], 0, 1)[:, None, :]  # a wave a row
@@ -218,6 +218,7 @@ def steady_response(
         Radial (outward) and tangential (along increasing psi) deflection [m].
     """
     _check(n_max, speed, model, lowest=2)
+    _check_finite(load=load)
     return point_force_response(unit, speed, -load, 0.0, psi, numbers=np.arange(2, n_max + 1), model=model)
 
 
@@ -320,6 +321,11 @@ def _check(n: int, speed: float, model: str, lowest: int) -> None:
     if not math.isfinite(n) or int(n) != n or n < lowest:
         raise ValueError(f"n is {n!r}; model {model!r} needs an integer >= {lowest}")
     _check_finite(speed=speed)
+
+
+def _check_frame(frame: str) -> None:
+    if frame not in ("ring", "fixed"):
+        raise ValueError(f"frame is {frame!r}; it must be 'ring' or 'fixed'")
 
 
 def _check_finite(**values: float) -> None:
