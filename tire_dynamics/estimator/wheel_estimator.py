@@ -76,7 +76,8 @@ class _Input:
 
 
 def _sample(stamp: int, values: Sequence[float]) -> _Sample:
-    return _Sample(operator.index(stamp), tuple(map(float, values)))
+    # a negative zero becomes a positive one, lest equal inputs differ in their bits
+    return _Sample(operator.index(stamp), tuple(float(value) + 0.0 for value in values))
 
 
 def _stamp(sample: _Sample) -> int:
@@ -167,13 +168,13 @@ class WheelEstimator:
 
     def add_speed(self, stamp: int, speed: float) -> Outcome:
         """Take a sample of the spin [rad/s], positive rolling forward."""
-        outcome = self._speed.add(_Sample(stamp, (float(speed),)), self.time)
+        outcome = self._speed.add(_sample(stamp, (speed,)), self.time)
         self.counts[outcome] += 1
         return outcome
 
     def add_load(self, stamp: int, load: float, traction: float = 0.0) -> Outcome:
         """Take a sample of the vertical load, up positive, and of the traction along x_ros, on the tire [N]."""
-        outcome = self._load.add(_Sample(stamp, (float(load), float(traction))), self.time)
+        outcome = self._load.add(_sample(stamp, (load, traction)), self.time)
         self.counts[outcome] += 1
         return outcome
 
