@@ -25,7 +25,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if arguments[:1] == ["node"]:
             return _node(arguments[1:])  # everything behind it is for ROS
         options = _parser().parse_args(arguments)
-        return int(options.run(options) or 0)
+        status = int(options.run(options) or 0)
+        sys.stdout.flush()  # here, where a reader that has gone is no error of ours
+        return status
     except InputError as error:
         return _refuse(error)
     except BrokenPipeError:  # the reader of our output has gone, as `head` does

@@ -197,25 +197,25 @@ class TireDynamicsNode(Node):
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
 
         The instants are tied to the ROS clock when the node starts. The timer that calls runs on the steady
-        clock, which the system's clock does not follow exactly: it is slewed by some parts in ten thousand. A
-        call that comes up to an eighth of a period before the next instant is therefore good for it, so that
-        stamps stay regular; one that is earlier still, as when the very first call was late, ties the instants
-        anew. A simulated clock has to have come to the next instant. Where a clock is set back, they start anew.
+        clock, which the system's clock does not follow exactly: it is slewed by some parts in ten thousand, so
+        that sooner or later a call comes before the next instant. The instants are then tied anew, an eighth of
+        a period before the call, which keeps the stamps regular until that eighth is used up, and none of them
+        ahead of the clock. A simulated clock has to have come to the next instant. Where a clock is set back,
+        they start anew.
         """
         if now == 0:
             return None  # simulated time before the first /clock
-        if self._time is None or now < self._time - self._period:
+        if self._time is None or now < self._time:
             self._jumps += self._time is not None
             self._time = now
             return self._time
-        simulated = self.get_clock().ros_time_is_active
         late = now - (self._time + self._period)
-        if late >= (0 if simulated else -self._period // 8):
-            missed = max(late, 0) // self._period
+        if late >= 0:
+            missed = late // self._period
             self._missed += missed
             self._time += (1 + missed) * self._period
-        elif late > -self._period // 2 and not simulated:
-            self._time = now
+        elif late > -self._period // 2 and not self.get_clock().ros_time_is_active:
+            self._time = now - self._period // 8
         else:
             return None
         return self._time
