@@ -59,7 +59,7 @@ class RingModes:
     ) -> None:
         self.unit = unit
         self.model = model
-        self.numbers = np.asarray(numbers, dtype=np.float64)
+        self.numbers = np.atleast_1d(np.asarray(numbers, dtype=np.float64))
         lowest = 0 if model == "complete" else 2  # for n = 1 the paper's elimination does not hold: wheel.py
         if model not in get_args(Model):
             raise ValueError(f"model is {model!r}; it must be one of {', '.join(get_args(Model))}")
@@ -118,7 +118,8 @@ class RingModes:
             jumped[..., 0] += change * state[..., 3]
             jumped[..., 1] -= change * (state[..., 2] + self.unit.radius * (self.numbers == 0.0))
         else:
-            middle = coefficients(self.unit, self.numbers, math.sqrt(0.5 * (before * before + after * after)))
+            mean_square = (before * before + before * after + after * after) / 3.0  # gamma depends on Omega^2
+            middle = coefficients(self.unit, self.numbers, math.sqrt(mean_square))
             jumped[..., 0] -= 1j * change * self._gamma(middle.coupling, middle.tangential) * state[..., 1]
         return jumped
 
