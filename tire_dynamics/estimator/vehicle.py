@@ -59,7 +59,8 @@ class Vehicle:
 
     Notes
     -----
-    Outcomes beyond those of :class:`WheelEstimator`, counted by the same counters:
+    Outcomes beyond those of :class:`WheelEstimator`, counted by the same counters (``no velocity``, which concerns no
+    wheel in particular, in ``message_counts``):
 
     =====================  ==================================================================================
     ``no stamp``           a stamp of zero: the time of receipt is taken for it

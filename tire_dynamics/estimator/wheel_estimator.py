@@ -178,6 +178,7 @@ class WheelEstimator:
         self.counts[outcome] += 1
         return outcome
 
+    @np.errstate(over="ignore", invalid="ignore")  # what overflows is given up at the end of it
     def advance(self, stamp: int) -> bool:
         """Bring the state to the given time [ns].
 
