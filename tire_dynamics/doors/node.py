@@ -77,7 +77,7 @@ class TireDynamicsNode(Node):
         self._finishing: list[Log] = []
         self._record_due = False
         self._time: int | None = None
-        self._ticks = self._missed = self._jumps = self._before_clock = 0
+        self._ticks = self._missed = self._before_clock = 0
         self._step_times: list[float] = []
         try:
             self._wiring = Wiring(self._declare_parameters())
@@ -206,7 +206,6 @@ class TireDynamicsNode(Node):
         if now == 0:
             return None  # simulated time before the first /clock
         if self._time is None or now < self._time:
-            self._jumps += self._time is not None
             self._time = now
             return self._time
         late = now - (self._time + self._period)
@@ -319,7 +318,7 @@ class TireDynamicsNode(Node):
         values = {
             "ticks": self._ticks,
             "ticks missed": self._missed,
-            "clock set back": self._jumps,
+            "clock set back": self._wiring.vehicle.clock_resets,
             "messages before the clock": self._before_clock,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
