@@ -45,5 +45,5 @@ $(READY): setup.py setup.cfg pyproject.toml
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,test]'
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,fast,test]'
 	@touch $@

@@ -45,6 +45,7 @@ setup(
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
         "plot": ["matplotlib>=3.6"],
+        "fast": ["numba>=0.58"],  # the loops compiled; the results have the same bits without
         "test": ["pytest>=7.4", "hypothesis>=6.98", "ruff", "mypy", "types-PyYAML", "scipy-stubs"],
     },
     entry_points={"console_scripts": scripts},

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
 from tire_dynamics.estimator.belt import BeltMotion, BeltShape, belt_numbers, ring_angles
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
+from tire_dynamics.science import kernels
 
 MS = 1_000_000  # ns
 NOW = 1_800_000_000_000_000_000
@@ -300,6 +301,6 @@ def test_another_tire_goes_on_from_the_same_belt(model):
 
 
 def test_snapshot_of_another_belt_is_refused():
-    for other in (BeltMotion(UNIT, 5, "inextensional"), BeltMotion(UNIT, N_MAX, "complete")):
+    for other in (BeltMotion(UNIT, 5, "inextensional", 1, kernels), BeltMotion(UNIT, N_MAX, "complete", 1, kernels)):
         with pytest.raises(ValueError, match="shape"):
-            BeltMotion(UNIT, N_MAX, "inextensional").restore(other.snapshot())
+            BeltMotion(UNIT, N_MAX, "inextensional", 1, kernels).restore(0, other.snapshot(0))

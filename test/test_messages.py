@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 
 import numpy as np
@@ -17,6 +18,7 @@ from tire_dynamics.doors.messages import (
     JointStateEncoder,
     MessageError,
     RingShapeEncoder,
+    WrenchDecoder,
     WrenchEncoder,
     decode_clock,
     decode_float64,
@@ -347,3 +349,34 @@ def test_a_ring_of_the_wrong_size_is_refused():
         DeflectionEncoder(4).encode(np.zeros((2, 3)))
     with pytest.raises(ValueError, match=r"\(4, 5\)"):
         RingShapeEncoder("a", 4).encode(0, np.zeros((4, 4)))
+
+
+@given(
+    st.lists(
+        st.tuples(
+            st.sampled_from(["", "axle", "wheel", "front_left_axle"]), st.integers(0, 2**40), st.floats(), st.floats(),
+            st.sampled_from(["whole", "whole", "cut", "big-endian", "bad nanosec", "noise"]), st.integers(0, 200),
+        ),
+        max_size=8,
+    )
+)  # fmt: skip
+def test_wrench_decoder_remembers_nothing_but_the_frame(messages):
+    """One decoder over any row of messages gives what each gives alone, refusals included."""
+    decoder = WrenchDecoder()
+    for frame_id, stamp, fx, fz, kind, place in messages:
+        data = WrenchEncoder(frame_id).encode(stamp, fx, fz)
+        if kind == "cut":
+            data = data[: place % len(data)]
+        elif kind == "big-endian":
+            data = b"\0\0" + data[2:]
+        elif kind == "bad nanosec":
+            data = data[:8] + b"\xff\xff\xff\x7f" + data[12:]
+        elif kind == "noise":
+            data = data[: place % len(data)] + bytes([place]) + data[place % len(data) + 1 :]
+        try:
+            expected = decode_wrench(data)
+        except MessageError as error:
+            with pytest.raises(MessageError, match=re.escape(str(error))):
+                decoder.decode(data)
+        else:
+            assert repr(decoder.decode(data)) == repr(expected)  # NaN equals itself there

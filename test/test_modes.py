@@ -529,33 +529,11 @@ def test_no_seam_where_the_series_takes_over(model):
 
 
 @both
-@settings(max_examples=30)
-@given(
-    speed=st.floats(-300.0, 300.0), seed=st.integers(0, 999),
-    lengths=st.lists(st.floats(-8.0, -1.0).map(lambda x: 10.0**x), min_size=1, max_size=12),
-)  # fmt: skip
-def test_hold_is_a_row_of_steps(model, speed, seed, lengths):
-    modes = RingModes(TABLE_1, [*some_numbers(model, 2), 5, 30], model)
-    spinning, state = modes.at(speed), random_state(modes, seed)
-    forces = np.random.default_rng(seed).uniform(-5e3, 5e3, (len(lengths), 2))
-    expected, largest = state, np.abs(scaled(state)).max()
-    for length, force in zip(lengths, forces, strict=True):
-        expected = spinning.step(expected, length, force, np.zeros(2))
-        largest = max(largest, np.abs(scaled(expected)).max())
-    found = spinning.hold(state, np.array(lengths), forces)
-    # a rounding for each step of the largest the state is on its way
-    assert np.abs(scaled(found - expected)).max() <= 1e-12 * largest
-
-
-@both
 def test_a_step_of_no_length_changes_nothing(model):
     modes = RingModes(TABLE_1, some_numbers(model, 4), model)
     state, spinning = random_state(modes, 3), modes.at(77.0)
-    for found in (
-        spinning.step(state, 0.0, np.array([1e3, 1e3]), np.array([1e3, 0.0])),
-        spinning.hold(state, np.zeros(2), np.full((2, 2), 1e3)),
-    ):
-        assert np.abs(scaled(found - state)).max() <= 1e-14 * np.abs(scaled(state)).max()  # left times right
+    found = spinning.step(state, 0.0, np.array([1e3, 1e3]), np.array([1e3, 0.0]))
+    assert np.abs(scaled(found - state)).max() <= 1e-14 * np.abs(scaled(state)).max()  # left times right
 
 
 @settings(max_examples=40)

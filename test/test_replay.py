@@ -161,7 +161,7 @@ def test_it_is_a_vehicle_fed_by_hand(tmp_path):
     due = None
 
     def tick(moment: int) -> None:
-        for index, x, z, _ in vehicle.tick(moment):
+        for index, x, z in vehicle.tick(moment):
             expected[settings.wheels[index]].append((moment, x, z))
 
     for topic, _, received, _, data in BagReader(tmp_path / "in").messages():
@@ -384,15 +384,15 @@ def test_a_year_of_silence_costs_nothing(tmp_path):
 
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     peaks = []
-    for seconds in (4.0, 40.0):
+    for seconds in (20.0, 100.0):  # the shorter one is longer than what is taken together
         source = constant(tmp_path / f"in_{seconds:g}", seconds)
         replay(source, tmp_path / f"warm_{seconds:g}")  # what is loaded and cached once is no growth
         tracemalloc.start()
         replay(source, tmp_path / f"out_{seconds:g}")
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    # Ten times the messages are 50 000 more and 18 MB; the index of their chunks is a few hundred bytes a chunk.
-    assert peaks[1] - peaks[0] < 2e6
+    # Five times the messages are 110 000 more and 36 MB; the index of their chunks is a few hundred bytes a chunk.
+    assert peaks[1] < 1.1 * peaks[0]
 
 
 # --- a real drive ---

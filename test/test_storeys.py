@@ -26,7 +26,11 @@ PURE = {
     *("numpy", "scipy"),
 }
 # The parameters of a tire come from a file and go into one.
-MAY_ALSO_USE = {"science/unit.py": {"os", "open"}, "science/yaml_file.py": {"os", "yaml", "open"}}
+MAY_ALSO_USE = {
+    "science/unit.py": {"os", "open"},
+    "science/yaml_file.py": {"os", "yaml", "open"},
+    "science/compiled.py": {"numba"},
+}
 
 
 def used_names(file: Path, package: Path) -> set[str]:

@@ -97,6 +97,12 @@ def _parser() -> argparse.ArgumentParser:
     figures.add_arguments(command)
     command.set_defaults(run=figures.run)
 
+    command = commands.add_parser("map", help="stability or transmissibility over two fields of the unit or the speed")
+    from . import map as map_
+
+    map_.add_arguments(command)
+    command.set_defaults(run=map_.run)
+
     command = commands.add_parser("stability", help="Floquet stability at a speed, as JSON")
     command.add_argument("--speed-rpm", metavar="R", type=float, required=True, help="speed of the wheel [rpm]")
     command.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
 from .bag import BagWriter
 from .errors import InputError
@@ -16,6 +15,7 @@ from .errors import InputError
 __all__ = ["Log"]
 
 _FLUSH_INTERVAL = 1.0  # [s]: what a killed process can lose
+_PAUSE = 0.02  # [s] between two looks at what is waiting; to be woken by each message would cost more than to write it
 _PATIENCE = 30.0  # [s] that closing waits for the disk
 
 
@@ -56,7 +56,8 @@ class Log:
         self._topics = dict(topics)
         self._queue_size = queue_size
         self._compression = "" if compression == "none" else compression
-        self._queue: SimpleQueue[tuple[str, int, int, bytes] | None] = SimpleQueue()
+        self._queue: deque[tuple[str, int, int, bytes]] = deque()
+        self._ending = threading.Event()
         self._opened = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
         self._thread.start()
@@ -64,14 +65,14 @@ class Log:
     @property
     def waiting(self) -> int:
         """Messages handed over and not yet written."""
-        return self._queue.qsize()
+        return len(self._queue)
 
     def put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> bool:
         """Hand a message over, times in ns; whether it was taken. Never waits."""
-        if self._queue.qsize() >= self._queue_size or self.error is not None:
+        if len(self._queue) >= self._queue_size or self.error is not None:
             self.drop(topic)
             return False
-        self._queue.put((topic, log_time, publish_time, data))
+        self._queue.append((topic, log_time, publish_time, data))
         return True
 
     def drop(self, topic: str) -> None:
@@ -81,7 +82,7 @@ class Log:
     @property
     def has_room(self) -> bool:
         """Whether the queue has at least half of its places free, and the log goes on."""
-        return self.error is None and self._queue.qsize() <= self._queue_size // 2
+        return self.error is None and len(self._queue) <= self._queue_size // 2
 
     def wait_until_open(self) -> None:
         """Wait for the bag to be made; ``InputError`` if it cannot be."""
@@ -92,7 +93,7 @@ class Log:
 
     def finish(self) -> None:
         """Ask the thread to write what is waiting and to finish the bag. Does not wait; no message may follow."""
-        self._queue.put(None)
+        self._ending.set()
 
     def join(self) -> None:
         """Wait for the thread to end after :meth:`finish`."""
@@ -129,18 +130,14 @@ class Log:
         due = time.monotonic() + _FLUSH_INTERVAL
         with writer:
             handles = {name: writer.add_topic(name, kind, qos=qos) for name, (kind, qos) in self._topics.items()}
-            while True:
-                try:
-                    entry = self._queue.get(timeout=max(0.0, due - time.monotonic()))
-                except Empty:
-                    writer.flush()
-                    due = time.monotonic() + _FLUSH_INTERVAL
-                    continue
-                if entry is None:
-                    return
-                topic, log_time, publish_time, data = entry
-                writer.write(handles[topic], log_time, publish_time, data)
-                self.written += 1
+            ending = False
+            while not ending:
+                ending = self._ending.wait(_PAUSE)  # asked before the last look: nothing is put behind it
+                batch = [self._queue.popleft() for _ in range(len(self._queue))]
+                if batch:
+                    topics, log_times, publish_times, payloads = zip(*batch, strict=True)
+                    writer.write_block([handles[topic] for topic in topics], log_times, publish_times, payloads)
+                    self.written += len(batch)
                 if time.monotonic() >= due:
                     writer.flush()
                     due = time.monotonic() + _FLUSH_INTERVAL

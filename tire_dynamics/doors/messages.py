@@ -10,14 +10,18 @@ endian and zero the padding, so that equal values are equal bytes. Decoders take
 every length against the bytes that are there before they use it, and raise ``MessageError`` where the two
 disagree.
 
+What goes many at a time (``..._block``, ``decode_clocks`` and the like) gives exactly what one message at a time
+gives. Such messages are given as ``data[start[i] : start[i] + size[i]]``; those of one layout, which is nearly
+always all of them, are read together as columns of numbers. What is not such a message is marked, not raised.
+
 Stamps are integer nanoseconds; forces N, torques N m, angular speeds rad/s.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,14 +40,19 @@ __all__ = [
     "JointStateEncoder",
     "MessageError",
     "RingShapeEncoder",
+    "WrenchDecoder",
     "WrenchEncoder",
     "WrenchStamped",
     "decode_clock",
+    "decode_clocks",
     "decode_float64",
+    "decode_float64s",
     "decode_multi_array",
     "decode_string",
     "decode_wrench",
+    "decode_wrenches",
     "encode_clock",
+    "encode_clocks",
     "encode_float64",
     "encode_string",
 ]
@@ -60,6 +69,7 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _BYTE_ORDER = {_LITTLE_ENDIAN[:2]: "<", b"\x00\x00": ">"}
 _BODY = 4  # the body, and with it all alignment, starts after the encapsulation header
 _SECOND = 1_000_000_000  # ns
+_LAYOUTS = 8  # of the messages of one call, before the rest is taken one by one
 
 # Prebuilt for both byte orders: ``struct.unpack_from`` with a format string is slower by half.
 _UINT32 = {order: struct.Struct(order + "I") for order in "<>"}
@@ -70,6 +80,10 @@ _VECTOR = {order: struct.Struct(order + "3d") for order in "<>"}
 
 class MessageError(ValueError):
     """Bytes that are not the message they are said to be, or a value that the message cannot hold."""
+
+
+_Range = tuple[int, int]
+_Layout = TypeVar("_Layout")
 
 
 class JointState(NamedTuple):
@@ -159,6 +173,61 @@ def _header(data: bytes, order: str) -> tuple[int, str, int]:
     return _stamp(sec, nanosec), frame_id, position
 
 
+def _by_layout(
+    data: bytes,
+    start: NDArray[np.int64],
+    size: NDArray[np.int64],
+    layout_of: Callable[[bytes], tuple[_Layout, list[_Range]]],
+) -> Iterator[tuple[NDArray[np.int64], _Layout]]:
+    """The indices of messages of one layout, and the layout; those for which ``layout_of`` raises are left out.
+
+    ``layout_of`` also gives the bytes that fix the layout: messages of equal size and byte order with the same
+    bytes there have the same layout.
+    """
+    rest = np.arange(len(start))
+    left = _LAYOUTS
+    while len(rest):
+        begin, length = int(start[rest[0]]), int(size[rest[0]])
+        message = data[begin : begin + length]
+        try:
+            layout, fixed = layout_of(message)
+        except MessageError:
+            rest = rest[1:]
+            continue
+        if left:
+            left -= 1
+            same = size[rest] == length
+            for first, end in ((0, 2), *fixed):
+                octets = _columns(data, start[rest[same]] + first, end - first, "u1")
+                same[same] = (octets == np.frombuffer(message[first:end], np.uint8)).all(axis=1)
+            yield rest[same], layout
+            rest = rest[~same]
+        else:
+            yield rest[:1], layout
+            rest = rest[1:]
+
+
+def _columns(data: bytes, at: NDArray[np.int64], count: int, dtype: str) -> NDArray[Any]:
+    """``count`` numbers at each of some positions, known to fit: (len(at), count)."""
+    width = count * np.dtype(dtype).itemsize
+    if not width:
+        return np.empty((len(at), 0), dtype)
+    everywhere = np.ndarray(len(data) - width + 1, f"V{width}", data, strides=(1,))
+    return everywhere[at].view(dtype).reshape(len(at), count)
+
+
+def _unread(count: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    return np.zeros(count, np.bool_), np.zeros(count, np.int64)
+
+
+def _stamps(data: bytes, start: NDArray[np.int64], order: str) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Whether the times at the beginning of messages are valid, and the times, 0 if not."""
+    sec = _columns(data, start + _BODY, 1, order + "i4")[:, 0].astype(np.int64)
+    nanosec = _columns(data, start + _BODY + 4, 1, order + "u4")[:, 0].astype(np.int64)
+    valid = nanosec < _SECOND
+    return valid, np.where(valid, sec * _SECOND + nanosec, 0)
+
+
 def decode_wrench(data: bytes) -> WrenchStamped:
     """Decode geometry_msgs/WrenchStamped.
 
@@ -182,6 +251,87 @@ def decode_wrench(data: bytes) -> WrenchStamped:
     if position + 48 > len(data):  # force and torque
         raise MessageError("ends before wrench.torque.z")
     return WrenchStamped(stamp_ns, frame_id, *_VECTOR[order].unpack_from(data, position))
+
+
+class WrenchDecoder:
+    """Decodes geometry_msgs/WrenchStamped as :func:`decode_wrench` does.
+
+    A publisher sends the same frame_id every time: its bytes are kept from one message to the next, and parsed only
+    when they differ.
+    """
+
+    def __init__(self) -> None:
+        self._layout = struct.Struct("")
+        self._encapsulation, self._frame, self._frame_id = b"", b"", ""
+        self._end = self._position = 0  # of frame_id; of the force, behind its padding
+
+    def decode(self, data: bytes) -> WrenchStamped:
+        """Decode one message.
+
+        Parameters
+        ----------
+        data : bytes
+            The serialised message with its encapsulation header.
+
+        Returns
+        -------
+        WrenchStamped
+
+        Raises
+        ------
+        MessageError
+            If the bytes are not such a message.
+        """
+        known = data[_BODY + 8 : self._end] == self._frame and data[:_BODY] == self._encapsulation
+        if not known or len(data) < self._position + 48:
+            return self._decode_anew(data)
+        sec, nanosec, fx, fy, fz = self._layout.unpack_from(data)
+        return WrenchStamped(_stamp(sec, nanosec), self._frame_id, fx, fy, fz)
+
+    def _decode_anew(self, data: bytes) -> WrenchStamped:
+        wrench = decode_wrench(data)
+        order = _byte_order(data)
+        self._end = _header(data, order)[2]
+        self._position = _aligned(self._end, 8)
+        self._layout = struct.Struct(f"{order}4xiI{self._position - _BODY - 8}x3d")
+        self._encapsulation, self._frame, self._frame_id = data[:_BODY], data[_BODY + 8 : self._end], wrench.frame_id
+        return wrench
+
+
+def decode_wrenches(
+    data: bytes, start: NDArray[np.int64], size: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Decode many geometry_msgs/WrenchStamped.
+
+    Parameters
+    ----------
+    data : bytes
+    start, size : (N,) ndarray of int
+        Where in ``data`` the messages are.
+
+    Returns
+    -------
+    valid : (N,) ndarray of bool
+        False where ``decode_wrench`` raises ``MessageError``.
+    stamp_ns : (N,) ndarray of int
+        0 where not valid.
+    fx, fz : (N,) ndarray
+        Force [N]; NaN where not valid.
+    """
+    force = np.full((len(start), 3), np.nan)
+
+    def layout(message: bytes) -> tuple[tuple[str, int], list[_Range]]:
+        decode_wrench(message)
+        order = _byte_order(message)
+        _, _, position = _header(message, order)
+        return (order, _aligned(position, 8)), [(_BODY + 8, position)]
+
+    valid, stamp_ns = _unread(len(start))
+    for some, (order, position) in _by_layout(data, start, size, layout):
+        valid[some], stamp_ns[some] = _stamps(data, start[some], order)
+        force[some] = _columns(data, start[some] + position, 3, order + "f8")
+    force[~valid] = np.nan
+    return valid, stamp_ns, force[:, 0], force[:, 2]
 
 
 class JointStateDecoder:
@@ -223,6 +373,58 @@ class JointStateDecoder:
         _length(data, end, order, 8, "effort")
         return JointState(_stamp(sec, nanosec), names, positions, velocities)
 
+    def decode_block(
+        self, data: bytes, start: NDArray[np.int64], size: NDArray[np.int64]
+    ) -> tuple[
+        NDArray[np.bool_],
+        NDArray[np.int64],
+        list[tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64]]],
+    ]:
+        """Decode many messages.
+
+        Parameters
+        ----------
+        data : bytes
+        start, size : (N,) ndarray of int
+            Where in ``data`` the messages are.
+
+        Returns
+        -------
+        valid : (N,) ndarray of bool
+            False where ``decode`` raises ``MessageError``.
+        stamp_ns : (N,) ndarray of int
+            0 where not valid.
+        groups : list of (indices, names, velocities)
+            The valid messages with the same names and the same number of velocities K, (n,) and (n, K), in order;
+            the groups in the order of their first messages.
+        """
+        valid, stamp_ns = _unread(len(start))
+        found: dict[tuple[tuple[str, ...], int], list[tuple[NDArray[np.int64], NDArray[np.float64]]]] = {}
+        for some, (order, names, position, count) in _by_layout(data, start, size, self._layout):
+            valid[some], stamp_ns[some] = _stamps(data, start[some], order)
+            some = some[valid[some]]
+            velocities = _columns(data, start[some] + position, count, order + "f8").astype(np.float64)
+            found.setdefault((names, count), []).append((some, velocities))
+        groups = []
+        for (names, _), parts in found.items():
+            indices, velocities = (np.concatenate(column) for column in zip(*parts, strict=True))
+            in_order = np.argsort(indices)
+            groups.append((indices[in_order], names, velocities[in_order]))
+        return valid, stamp_ns, groups
+
+    def _layout(self, message: bytes) -> tuple[tuple[str, tuple[str, ...], int, int], list[_Range]]:
+        """Byte order, names, where the velocities are and how many."""
+        velocities = self.decode(message).velocities
+        order, _, position, names = self._known
+        fixed = [(_BODY + 8, position)]
+        for what in ("position", "velocity", "effort"):
+            end = position
+            count = _aligned(position, 4)
+            fixed.append((count, count + 4))
+            if what != "effort":
+                _, position = _doubles(message, position, order, what)
+        return (order, names, end - 8 * len(velocities), len(velocities)), fixed
+
     def _names(self, data: bytes, order: str) -> tuple[tuple[str, ...], int]:
         _, position = _string(data, _BODY + 8, order, "header.frame_id")
         count, position = _length(data, position, order, 4, "name")  # an empty string takes 4 bytes
@@ -249,6 +451,38 @@ def decode_clock(data: bytes) -> int:
     if len(data) < _BODY + 8:
         raise MessageError("ends before clock")
     return _stamp(*_TIME[order].unpack_from(data, _BODY))
+
+
+def decode_float64s(
+    data: bytes, start: NDArray[np.int64], size: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Decode many std_msgs/Float64, as ``decode_wrenches`` does: valid, and the values, NaN where not valid."""
+    valid, _ = _unread(len(start))
+    values = np.full(len(start), np.nan)
+
+    def layout(message: bytes) -> tuple[str, list[_Range]]:
+        decode_float64(message)
+        return _byte_order(message), []
+
+    for some, order in _by_layout(data, start, size, layout):
+        valid[some] = True
+        values[some] = _columns(data, start[some] + _BODY, 1, order + "f8")[:, 0]
+    return valid, values
+
+
+def decode_clocks(
+    data: bytes, start: NDArray[np.int64], size: NDArray[np.int64]
+) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
+    """Decode many rosgraph_msgs/Clock, as ``decode_wrenches`` does: valid, and the times in ns, 0 where not valid."""
+    valid, stamp_ns = _unread(len(start))
+
+    def layout(message: bytes) -> tuple[str, list[_Range]]:
+        decode_clock(message)
+        return _byte_order(message), []
+
+    for some, order in _by_layout(data, start, size, layout):
+        valid[some], stamp_ns[some] = _stamps(data, start[some], order)
+    return valid, stamp_ns
 
 
 def decode_multi_array(data: bytes) -> tuple[list[tuple[str, int, int]], NDArray[np.float64]]:
@@ -297,6 +531,32 @@ def _encoded_string(text: str, position: int) -> bytes:
     return bytes(-position % 4) + struct.pack("<I", len(raw)) + raw
 
 
+def _encoded(message: bytes, count: int, *columns: tuple[int, str, ArrayLike]) -> list[bytes]:
+    """A message ``count`` times, each with its own values in the columns: position, dtype, values (count, ...)."""
+    if not count:
+        return []
+    rows = np.frombuffer(bytearray(message * count), np.uint8).reshape(count, len(message))
+    for position, dtype, values in columns:
+        octets = np.ascontiguousarray(values, dtype).reshape(count, -1).view(np.uint8)
+        rows[:, position : position + octets.shape[1]] = octets
+    return _rows(rows)
+
+
+def _rows(values: NDArray[Any]) -> list[bytes]:
+    """The bytes of each of the arrays that an array (N, ...) holds, N > 0."""
+    flat = np.ascontiguousarray(values).reshape(len(values), -1)
+    rows: list[bytes] = flat.view(f"V{flat[0].nbytes}")[:, 0].tolist()
+    return rows
+
+
+def _time_columns(stamps: ArrayLike) -> list[tuple[int, str, NDArray[np.int64]]]:
+    """The columns of a stamp at the beginning of the body."""
+    sec, nanosec = np.divmod(np.asarray(stamps, np.int64), _SECOND)
+    for wrong in np.flatnonzero((sec < -0x80000000) | (sec > 0x7FFFFFFF))[:1]:
+        _sec_nanosec(int(np.asarray(stamps)[wrong]))
+    return [(_BODY, "<i4", sec), (_BODY + 4, "<u4", nanosec)]
+
+
 class WrenchEncoder:
     """Encodes geometry_msgs/WrenchStamped: a force in the x-z plane, and no torque.
 
@@ -313,6 +573,13 @@ class WrenchEncoder:
     def encode(self, stamp_ns: int, fx: float, fz: float) -> bytes:
         """One message with the force (fx, 0, fz) [N]; ``MessageError`` if the stamp is outside ROS time."""
         return self._layout.pack(_LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, fx, 0.0, fz, 0.0, 0.0, 0.0)
+
+    def encode_block(self, stamps: ArrayLike, fx: ArrayLike, fz: ArrayLike) -> list[bytes]:
+        """Many messages: stamps [ns] and forces [N], all (N,)."""
+        count, force = np.size(stamps), self._layout.size - 48
+        x, z = np.broadcast_to(fx, count), np.broadcast_to(fz, count)
+        columns = (*_time_columns(stamps), (force, "<f8", x), (force + 16, "<f8", z))
+        return _encoded(self.encode(0, 0.0, 0.0), count, *columns)
 
 
 class JointStateEncoder:
@@ -375,6 +642,13 @@ class DeflectionEncoder:
             raise ValueError(f"deflection: shape {values.shape}, must be {self._shape}")
         return self._head + values.tobytes()
 
+    def encode_block(self, deflections: ArrayLike) -> list[bytes]:
+        """Many messages, of deflections (N, 2, P)."""
+        values = np.asarray(deflections, "<f8")
+        if values.shape[1:] != self._shape:
+            raise ValueError(f"deflections: shape {values.shape}, must be N x {self._shape}")
+        return [self._head + row for row in _rows(values)] if len(values) else []
+
 
 class RingShapeEncoder:
     """Encodes the deformed belt as sensor_msgs/PointCloud2: one row of P points, all fields float32.
@@ -428,6 +702,18 @@ class RingShapeEncoder:
             _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, self._block, values.tobytes(), True
         )
 
+    def encode_block(self, stamps: ArrayLike, shapes: ArrayLike) -> list[bytes]:
+        """Many messages: stamps (N,) [ns] and shapes (N, P, 5)."""
+        values = np.asarray(shapes, "<f4")
+        if values.shape[1:] != self._shape:
+            raise ValueError(f"shapes: shape {values.shape}, must be N x {self._shape}")
+        if not len(values):
+            return []
+        message = self.encode(0, np.zeros(self._shape))
+        start, end = len(message) - 1 - values[0].nbytes, message[-1:]
+        heads = _encoded(message[:start], len(values), *_time_columns(stamps))
+        return [b"".join((head, row, end)) for head, row in zip(heads, _rows(values), strict=True)]
+
 
 def encode_float64(value: float) -> bytes:
     """Encode std_msgs/Float64."""
@@ -437,6 +723,11 @@ def encode_float64(value: float) -> bytes:
 def encode_clock(stamp_ns: int) -> bytes:
     """Encode rosgraph_msgs/Clock; ``MessageError`` if the time is outside ROS time."""
     return struct.pack("<4siI", _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns))
+
+
+def encode_clocks(stamps: ArrayLike) -> list[bytes]:
+    """Encode many rosgraph_msgs/Clock, of times (N,) [ns]."""
+    return _encoded(encode_clock(0), np.size(stamps), *_time_columns(stamps))
 
 
 def encode_string(text: str) -> bytes:

@@ -2,20 +2,30 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from . import messages
-from .bag import BagReader, BagWriter
+from .bag import BagReader, BagWriter, Block
 from .errors import InputError
 from .parameters import NODE_NAME, read_config
 from .progress import progress
-from .wiring import LOG_RECORD, TICK, Wiring, input_types
+from .wiring import LOG_RECORD, TICK, Produced, Stretch, Wiring, input_types
 
 __all__ = ["Summary", "replay"]
+
+IntArray = NDArray[np.int64]
+
+_LEAST = 4096  # messages that are taken together; more cost memory and save nothing
 
 
 class Summary(NamedTuple):
@@ -27,21 +37,13 @@ class Summary(NamedTuple):
     damage: str
 
 
-class _Event(NamedTuple):
-    """What happens next: a message on a topic (relative name) is received, or a tick or a record is due."""
-
-    topic: str
-    log_time: int
-    publish_time: int
-    data: bytes
-
-
 def replay(
     source: str | PathLike[str],
     output: str | PathLike[str],
     *,
     config: str | PathLike[str] | None = None,
     force: bool = False,
+    kernels: ModuleType | None = None,
 ) -> Summary:
     """Run a bag through the estimator into a new bag, which is a log like the live node's.
 
@@ -56,6 +58,8 @@ def replay(
         log's own, and for any other bag the default, with the wheels that its topics name.
     force : bool
         Replace an output that exists.
+    kernels : module, optional
+        As :class:`~tire_dynamics.estimator.motion.Motion` takes it; the output has the same bits with each.
 
     Returns
     -------
@@ -79,16 +83,16 @@ def replay(
     if "wheels" not in given:
         given = {**given, "wheels": _wheels(reader)}
     try:
-        wiring = Wiring(given)
+        wiring = Wiring(given, kernels)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
     names = _names(reader, wiring.vehicle.settings.wheels, log)
     if log is not None and log["parameters"].get("rate_hz") == wiring.values["rate_hz"]:
-        events = _recorded(reader, names)
+        stretches = _recorded(reader, names)
     else:
-        events = _received(reader, names, wiring)
+        stretches = _received(reader, names, wiring)
     try:
-        received, written = _run(wiring, events, names, Path(output), force, own_parameters=config is None)
+        received, written = _run(wiring, stretches, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
         raise InputError(f"{source}: {error}") from None
     return Summary(received, written, wiring.values, reader.damage)
@@ -96,15 +100,15 @@ def replay(
 
 def _run(
     wiring: Wiring,
-    events: Iterable[_Event],
+    stretches: Iterable[_Stretch],
     names: Mapping[str, str],
     output: Path,
     force: bool,
     own_parameters: bool,
 ) -> tuple[dict[str, int], dict[str, int]]:
     """Messages read and written, by topic."""
-    received = dict.fromkeys(wiring.inputs, 0)
-    written = dict.fromkeys(wiring.outputs, 0)
+    received: Counter[str] = Counter()
+    written: Counter[str] = Counter()
     with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
         handles = {
             topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in wiring.inputs else "default")
@@ -113,24 +117,47 @@ def _run(
             )
         }  # fmt: skip
         begun = False
-        for topic, log_time, publish_time, data in events:
-            if topic == LOG_RECORD:
+        for log_time, stretch, published in _between_records(stretches):
+            first = stretch.topics[stretch.topic[0]]
+            if first == LOG_RECORD:
+                data = stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]]
                 _continue(wiring, _record(data), first=not begun, own_parameters=own_parameters)
-            if topic == LOG_RECORD or not begun:
-                writer.write(handles[LOG_RECORD], log_time, publish_time, wiring.record(names))
+            if first == LOG_RECORD or not begun:
+                writer.write(handles[LOG_RECORD], int(log_time[0]), int(published[0]), wiring.record(names))
                 begun = True
-            if topic == TICK:
-                writer.write(handles[TICK], log_time, publish_time, data)
-                for produced, message in wiring.tick(publish_time):
-                    writer.write(handles[produced], log_time, publish_time, message)
-                    written[produced] += 1
-            elif topic != LOG_RECORD:
-                writer.write(handles[topic], log_time, publish_time, data)
-                wiring.receive(topic, log_time, data)
-                received[topic] += 1
-        if not any(written.values()):
+            if first == LOG_RECORD:
+                continue
+            produced = wiring.run(stretch)
+            _write(writer, handles, log_time, published, stretch, produced)
+            received.update(stretch.topics[number] for number in stretch.topic.tolist())
+            written.update(produced.topic)
+        if not written:
             raise InputError(_why_nothing(wiring, received))
-    return received, written
+    return (
+        {topic: received[topic] for topic in wiring.inputs},
+        {topic: written[topic] for topic in wiring.outputs},
+    )
+
+
+def _write(
+    writer: BagWriter,
+    handles: Mapping[str, int],
+    log_time: IntArray,
+    published: IntArray,
+    stretch: Stretch,
+    produced: Produced,
+) -> None:
+    """The messages of a stretch, the outputs of each tick behind it."""
+    events = stretch.topic.size
+    place = np.concatenate([np.arange(events), produced.place])
+    order = np.argsort(place, kind="stable")
+    handle = np.array([handles.get(name, 0) for name in stretch.topics])
+    topic = np.concatenate([handle[stretch.topic], [handles[name] for name in produced.topic]]).astype(np.int64)
+    bounds = zip(stretch.start.tolist(), (stretch.start + stretch.size).tolist(), strict=True)
+    data = [stretch.data[start:end] for start, end in bounds] + produced.data
+    writer.write_block(
+        topic[order], log_time[place[order]], published[place[order]], [data[k] for k in order.tolist()]
+    )
 
 
 def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_parameters: bool) -> None:
@@ -149,7 +176,7 @@ def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_par
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
 
 
-def _why_nothing(wiring: Wiring, received: Mapping[str, int]) -> str:
+def _why_nothing(wiring: Wiring, received: Counter[str]) -> str:
     if wiring.malformed:
         topic, count = wiring.malformed.most_common(1)[0]
         return f"no wheel ever had a speed and a load: {count} messages on {topic} are not what their type says"
@@ -158,7 +185,7 @@ def _why_nothing(wiring: Wiring, received: Mapping[str, int]) -> str:
         for wheel, counter in zip(wiring.vehicle.settings.wheels, wiring.vehicle.counts, strict=True)
         for outcome, count in counter.items()
     }
-    seen = ", ".join(f"{topic} {count}" for topic, count in received.items() if count) or "no input"
+    seen = ", ".join(f"{topic} {received[topic]}" for topic in wiring.inputs if received[topic]) or "no input"
     outcomes = f" ({', '.join(f'{outcome} {count}' for outcome, count in counts.items())})" if counts else ""
     return f"no wheel ever had a speed and a load that were both fresh; the bag has {seen}{outcomes}"
 
@@ -246,19 +273,44 @@ def _listed(topics: Iterable[str]) -> str:
 # -- the order of events ----------------------------------------------------------------------------------------
 
 
-def _recorded(reader: BagReader, names: Mapping[str, str]) -> Iterator[_Event]:
+class _Stretch(NamedTuple):
+    """Events, :data:`LOG_RECORD` among them, with the times that the bag has for them [ns]."""
+
+    log_time: IntArray
+    events: Stretch
+    published: IntArray
+
+
+def _between_records(stretches: Iterable[_Stretch]) -> Iterator[_Stretch]:
+    """The stretches, cut such that each log record is one of its own."""
+    for log_time, events, published in stretches:
+        record = events.topics.index(LOG_RECORD) if LOG_RECORD in events.topics else -1
+        records = np.flatnonzero(events.topic == record)
+        edges = np.unique(np.concatenate([[0], records, records + 1, [events.topic.size]]))
+        for first, last in itertools.pairwise(edges.tolist()):
+            some = slice(first, last)
+            yield _Stretch(log_time[some], events.part(some), published[some])
+
+
+def _recorded(reader: BagReader, names: Mapping[str, str]) -> Iterator[_Stretch]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
     wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
-    stream = reader.messages(wanted & reader.topics.keys(), in_file_order=True)
-    for name, _, log_time, publish_time, data in progress(stream, reader.message_count, "replay"):
-        topic = relative[name]
-        if topic == TICK:
-            publish_time = messages.decode_clock(data)
-        yield _Event(topic, log_time, publish_time, data)
+    blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
+    for block in progress(blocks, reader.message_count, "replay", size=_size):
+        topics = tuple(relative.get(name, "") for name in block.topics)
+        ticks = np.flatnonzero(block.topic == topics.index(TICK)) if TICK in topics else np.empty(0, np.int64)
+        valid, times = messages.decode_clocks(block.data, block.start[ticks], block.size[ticks])
+        if not valid.all():
+            start = block.start[ticks[~valid][0]]
+            messages.decode_clock(block.data[start : start + block.size[ticks[~valid][0]]])  # says why
+        tick, published = np.zeros_like(block.log_time), block.publish_time.copy()
+        tick[ticks] = published[ticks] = times
+        events = Stretch(topics, block.topic, block.log_time, tick, block.data, block.start, block.size)
+        yield _Stretch(block.log_time, events, published)
 
 
-def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> Iterator[_Event]:
+def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> Iterator[_Stretch]:
     """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
 
     Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
@@ -267,25 +319,58 @@ def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> It
     period = wiring.vehicle.settings.period
     silence = 2 * wiring.vehicle.settings.input_timeout + period
     relative = {names[topic]: topic for topic in names if _is_input(topic)}
-    stream = reader.messages(relative.keys() & reader.topics.keys())
     due = last = None
-    for name, _, log_time, publish_time, data in progress(stream, reader.message_count, "replay"):
+    blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
+    for block in progress(blocks, reader.message_count, "replay", size=_size):
+        times = block.log_time
         if due is None or last is None:
-            due, last = _up_to_multiple(log_time, period), log_time
-        while due < log_time:
-            if due - last > silence:  # go on with the last tick before this message
-                due = max(due, _up_to_multiple(log_time, period) - period)
-                last = due
-            yield _tick(due)
-            due += period
-        last = log_time
-        yield _Event(relative[name], log_time, publish_time, data)
+            last = int(times[0])
+            due = _up_to_multiple(last, period)
+        ticks, due = _ticks_before(times, due, last, period, silence)
+        last = int(times[-1])
+        yield _with_ticks(block, tuple(relative.get(name, "") for name in block.topics), ticks)
     if due is not None and due == last:
-        yield _tick(due)
+        data = messages.encode_clock(due)
+        moment, one = np.array([due]), np.zeros(1, np.int64)
+        yield _Stretch(moment, Stretch((TICK,), one, moment, moment, data, one, one + len(data)), moment)
 
 
-def _tick(moment: int) -> _Event:
-    return _Event(TICK, moment, moment, messages.encode_clock(moment))
+def _ticks_before(times: IntArray, due: int, last: int, period: int, silence: int) -> tuple[IntArray, int]:
+    """The ticks before messages at ascending times, the next due and the last message before them given; the next."""
+    pieces = []
+    before = np.concatenate([[last], times[:-1]])
+    pauses = np.flatnonzero(times - before > silence)
+    for pause in [*pauses.tolist(), None]:
+        end = int(times[-1] if pause is None else before[pause] + silence + 1)
+        if end > due:
+            piece = np.arange(due, end, period)
+            pieces.append(piece)
+            due = int(piece[-1]) + period
+        if pause is not None:  # go on with the last tick before this message
+            due = max(due, _up_to_multiple(int(times[pause]), period) - period)
+    return np.concatenate([np.empty(0, np.int64), *pieces]), due
+
+
+def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> _Stretch:
+    """Messages and ticks in order; a tick is before the messages of later times."""
+    encoded = messages.encode_clocks(ticks)
+    size = len(encoded[0]) if encoded else 0
+    place = np.searchsorted(block.log_time, ticks, side="right")
+    start = len(block.data) + size * np.arange(ticks.size)
+    columns = [
+        np.insert(column, place, values)
+        for column, values in (
+            (block.topic, len(topics)), (block.log_time, ticks), (np.zeros_like(block.log_time), ticks),
+            (block.start, start), (block.size, size), (block.publish_time, ticks),
+        )
+    ]  # fmt: skip
+    data = block.data + b"".join(encoded)
+    events = Stretch((*topics, TICK), columns[0], columns[1], columns[2], data, columns[3], columns[4])
+    return _Stretch(columns[1], events, columns[5])
+
+
+def _size(block: Block) -> int:
+    return block.topic.size
 
 
 def _up_to_multiple(moment: int, period: int) -> int:

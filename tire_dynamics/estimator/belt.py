@@ -3,22 +3,29 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any
+from types import ModuleType
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..science.modes import RingModes
+from ..science.elementary import cos_sin
+from ..science.modes import RingModes, Spins
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
 
-__all__ = ["BeltMotion", "BeltShape", "belt_numbers", "ring_angles"]
+__all__ = ["BeltMotion", "BeltShape", "Path", "belt_numbers", "ring_angles"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
 
-_MOST_HELD = 256  # steps that wait to be taken together
+_NANO: Final = 1e-9
+_MOST_TOGETHER: Final = 256  # intervals in one group
+_MOST_WAITING: Final = 4096  # steps that wait for the shape to be wanted
+_SHOWN, _CHANGED, _CUT = range(3)  # why a group ends
 
 
 def ring_angles(samples: int) -> FloatArray:
@@ -49,9 +56,12 @@ class BeltShape:
         angle = np.asarray(psi, dtype=np.float64)
         if angle.ndim != 1 or not np.isfinite(angle).all():
             raise ValueError("psi must be a row of finite angles")
-        self._first = np.stack([np.cos(angle), np.sin(angle)])
-        phase = np.multiply.outer(np.asarray(numbers, dtype=np.float64), angle)
-        self._rest = np.concatenate([np.cos(phase), np.sin(phase)])
+        phase = np.multiply.outer(np.concatenate([[1.0], np.asarray(numbers, dtype=np.float64)]), angle)
+        cosine, sine = cos_sin(phase)
+        self._first = np.stack([cosine[0], sine[0]])
+        self._rest = np.concatenate([cosine[1:], sine[1:]])
+        self._all = np.concatenate([self._first, self._rest])
+        self.size = angle.size
 
     def deflection(self, first: FloatArray, radial: ComplexArray, tangential: ComplexArray) -> FloatArray:
         """Radial (outward) and tangential (along increasing psi) deflection [m], shape (..., 2, P).
@@ -70,74 +80,273 @@ class BeltShape:
         return deflection
 
 
-class BeltMotion:
-    """The modes beside n = 1 through time, under forces that are held between changes.
+    def sums(self, first: FloatArray, amplitudes: FloatArray, kernels: ModuleType) -> FloatArray:
+        """As :meth:`deflection`, shape (M, 2, P), with sums in order.
 
-    Steps are noted as they come and taken together when the state is wanted or the speed changes; exactly in
-    either case.
+        Parameters
+        ----------
+        first : ndarray, shape (M, 4)
+        amplitudes : ndarray, shape (2, M, 2, N)
+            As :meth:`BeltMotion.amplitudes` gives them.
+        kernels : module
+        """
+        rows = np.concatenate([first.reshape(-1, 2, 2), amplitudes[0], amplitudes[1]], axis=-1)
+        result: FloatArray = kernels.deflections(np.ascontiguousarray(rows), self._all)
+        return result
+
+
+class Path(NamedTuple):
+    """What one belt goes through: steps over which speed and force are held, and after how many of them it is wanted.
+
+    ``length`` [ns] (I,), ``speed`` [rad/s] (I,), ``force`` [f_r, f_t] [N] (I, 2), ``ends`` (M,) ascending, 0..I.
+    """
+
+    length: IntArray
+    speed: FloatArray
+    force: FloatArray
+    ends: IntArray
+
+
+class BeltMotion:
+    """The modes beside n = 1 of W belts through time, under forces that are held between changes.
+
+    Steps are noted as they come and taken when the shape is wanted. Those of one force are taken as one; so the
+    result depends on when the force and the speed change and when the shape is wanted, and on nothing else.
 
     Parameters
     ----------
     unit : TireWheelUnit
     n_max : int
     model : {"inextensional", "complete"}
+    wheels : int
+    kernels : module
+        :mod:`~tire_dynamics.science.kernels` or :mod:`~tire_dynamics.science.compiled`.
     """
 
-    def __init__(self, unit: TireWheelUnit, n_max: int, model: Model) -> None:
+    def __init__(self, unit: TireWheelUnit, n_max: int, model: Model, wheels: int, kernels: ModuleType) -> None:
         self.modes = RingModes(unit, belt_numbers(n_max, model), model)
-        self._speed = 0.0
-        self._spinning = self.modes.at(0.0)
-        self._state = np.zeros(self._spinning.exponents.shape, dtype=np.complex128)
-        self._steps: list[tuple[float, float, float]] = []  # length, f_r, f_t
+        self._kernels = kernels
+        self._speeds = np.zeros(wheels)
+        self._spins = self.modes.spins(self._speeds, self._kernels)
+        self._own = np.zeros(self._spins.exponents.shape)
+        self._waiting: list[list[tuple[int, float, float, float]]] = [[] for _ in range(wheels)]
+        self._noted: dict[int, FloatArray] = {}  # states as they were noted or given, until they change
 
-    def replace_unit(self, unit: TireWheelUnit) -> None:
-        """Change the tire from now on. Positions and velocities go on as they are."""
-        self._take_steps()
-        self.modes = RingModes(unit, self.modes.numbers, self.modes.model)
-        self._spinning = self.modes.at(self._speed)
+    def set_unit(self, unit: TireWheelUnit) -> None:
+        """Change the tires from now on. Positions and velocities go on as they are."""
+        if unit != self.modes.unit:
+            self._take_up(range(len(self._waiting)))
+            states = self._spins.state(self._own)
+            self.modes = RingModes(unit, self.modes.numbers, self.modes.model)
+            self._spins = self.modes.spins(self._speeds, self._kernels)
+            self._own = self._spins.own(states)
+            self._noted = dict(enumerate(np.moveaxis(states, 1, 0)))
 
-    def start(self, speed: float, load: float, traction: float) -> None:
+    def reset(self, index: int) -> None:
+        """Be at rest."""
+        self._waiting[index] = []
+        self._turn_at(index, 0.0)
+        self._own[:, index] = 0.0
+        self._noted.pop(index, None)
+
+    def start(self, index: int, speed: float, load: float, traction: float) -> None:
         """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
-        self._steps = []
-        self._turn_at(speed)
-        self._state = self._spinning.steady(-load, -traction)
+        self._waiting[index] = []
+        self._turn_at(index, speed)
+        steady = self._spins.steady[:, index]
+        self._own[:, index] = steady[..., 0] * -load + steady[..., 1] * -traction
+        self._noted.pop(index, None)
 
-    def hold(self, length: float, speed: float, load: float, traction: float) -> None:
-        """Go on for a time [s] under a speed [rad/s], a load and a traction [N]."""
-        if speed != self._speed:
-            self._take_steps()
-            self._state = self.modes.change_speed(self._state, self._speed, speed)
-            self._turn_at(speed)
-        self._steps.append((length, -load, -traction))
-        if len(self._steps) >= _MOST_HELD:
-            self._take_steps()
+    def _turn_at(self, index: int, speed: float) -> None:
+        if speed != self._speeds[index]:
+            self._speeds[index] = speed
+            for all_wheels, new in zip(self._spins, self.modes.spins(np.array([speed]), self._kernels), strict=True):
+                all_wheels[:, index] = new[:, 0]
 
-    def _turn_at(self, speed: float) -> None:
-        if speed != self._speed:
-            self._speed = speed
-            self._spinning = self.modes.at(speed)
+    def hold(self, index: int, steps: Sequence[tuple[int, float, float, float]]) -> None:
+        """Go on through steps: length [ns], speed [rad/s], load and traction [N] that are held over each."""
+        self._waiting[index] += steps
+        if len(self._waiting[index]) > _MOST_WAITING:
+            self._follow({index: self._path(index, wanted=False)})
 
-    def _take_steps(self) -> None:
-        if self._steps:
-            steps = np.array(self._steps)
-            self._state = self._spinning.hold(self._state, steps[:, 0], steps[:, 1:])
-            self._steps = []
+    def _path(self, index: int, *, wanted: bool) -> Path:
+        columns = np.array(self._waiting[index], dtype=np.float64).reshape(-1, 4)
+        ends = np.array([len(columns)] if wanted else [], dtype=np.int64)
+        return Path(columns[:, 0].astype(np.int64), columns[:, 1], -columns[:, 2:], ends)
 
-    def amplitudes(self) -> tuple[ComplexArray, ComplexArray]:
-        """Z_1 and Z_2 of the modes, shape (N,) [m]."""
-        self._take_steps()
-        return self.modes.amplitudes(self._state)
+    def _take_up(self, indices: Sequence[int]) -> FloatArray:
+        """Take all steps that wait; the wheels' states x, shape (2, len, N, k)."""
+        return self._follow({index: self._path(index, wanted=True) for index in indices})
 
-    def snapshot(self) -> dict[str, Any]:
-        """Everything that later results depend on, in JSON's types."""
-        self._take_steps()
-        return {"speed": self._speed, "state": [self._state.real.tolist(), self._state.imag.tolist()]}
+    def amplitudes(self, indices: Sequence[int]) -> FloatArray:
+        """Z_1 and Z_2 of some wheels' modes [m], shape (2, len, 2, N): (real, imaginary), wheel, component, mode."""
+        return self._components(self._take_up(indices))
 
-    def restore(self, snapshot: dict[str, Any]) -> None:
+    def _components(self, states: FloatArray) -> FloatArray:
+        if self.modes.model == "complete":
+            return np.stack([states[..., 2], states[..., 3]], axis=-2)
+        n, Z = self.modes.numbers, states[..., 1]
+        return np.stack([Z, np.stack([Z[1] / n, -Z[0] / n])], axis=-2)  # Z_2 = -i Z_1/n
+
+    def follow(self, paths: Mapping[int, Path]) -> FloatArray:
+        """Take belts through paths; their amplitudes at the paths' ends, wheel after wheel.
+
+        What each wheel was waiting to take goes before its path, what stands behind the last end of it waits.
+
+        Returns
+        -------
+        ndarray, shape (2, M, 2, N)
+            As :meth:`amplitudes`, M the number of all ends.
+        """
+        whole = {}
+        for index, path in paths.items():
+            before = self._path(index, wanted=False)
+            whole[index] = Path(
+                np.concatenate([before.length, path.length]),
+                np.concatenate([before.speed, path.speed]),
+                np.concatenate([before.force, path.force]),
+                path.ends + before.length.size,
+            )
+        return self._components(self._follow(whole))
+
+    def _follow(self, paths: Mapping[int, Path]) -> FloatArray:
+        """The states x at all ends, shape (2, M, N, k). What stands behind the last end of each path waits."""
+        wheels = np.array(list(paths))
+        sizes = np.array([path.length.size for path in paths.values()])
+        offset = np.cumsum(sizes) - sizes
+        length, speed, force = (np.concatenate(each) for each in zip(*(p[:3] for p in paths.values()), strict=True))
+        owner = np.repeat(np.arange(wheels.size), sizes)
+
+        fresh = np.zeros(length.size + 1, dtype=bool)  # whether another interval begins with this step
+        fresh[offset] = True
+        before = np.concatenate([[0.0], speed[:-1]])
+        before[offset[sizes > 0]] = self._speeds[wheels[sizes > 0]]
+        changed = np.flatnonzero(speed != before)
+        fresh[changed] = True
+        ends = np.concatenate([path.ends + start for path, start in zip(paths.values(), offset, strict=True)])
+        fresh[ends] = True
+        fresh[1:-1] |= (force[1:] != force[:-1]).any(axis=1)
+        starts = np.flatnonzero(fresh[:-1])
+        clock = np.concatenate([[0], np.cumsum(length)])  # [ns]
+
+        # What ends a group, in order: its shape is wanted, then the speed changes.
+        end_owner = np.repeat(np.arange(wheels.size), [path.ends.size for path in paths.values()])
+        place = np.concatenate([ends, changed])
+        kind = np.repeat([_SHOWN, _CHANGED], [ends.size, changed.size])
+        whose = np.concatenate([end_owner, owner[changed]])
+        order = np.lexsort([kind, place, whose])
+        place, kind, whose = place[order], kind[order], whose[order]
+        place, kind, whose = _cut_long_groups(place, kind, whose, starts, offset, sizes)
+
+        previous = np.concatenate([[0], place[:-1]])
+        leads = np.concatenate([[True], whose[1:] != whose[:-1]])[: place.size]
+        previous = np.where(leads, offset[whose], previous)
+        first, stop = np.searchsorted(starts, previous), np.searchsorted(starts, place)
+        count = stop - first
+        kept = np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
+        left = (np.repeat(clock[place], count) - clock[starts[kept]]) * _NANO
+
+        turned = kind == _CHANGED
+        passed = np.cumsum(turned) - turned
+        in_wheel = passed - np.repeat(passed[leads], np.diff(np.append(np.flatnonzero(leads), place.size)))
+        spin = np.where(in_wheel > 0, wheels.size + passed - 1, whose)
+        at_wheels = self._spins.at(wheels)
+        spins, matrices, jumps = self._turns(at_wheels, speed[place[turned]], self._speeds[wheels], spin[turned])
+
+        shown = kind == _SHOWN
+        output, change = np.full(place.size, -1), np.full(place.size, -1)
+        output[shown], change[turned] = np.arange(shown.sum()), np.arange(turned.sum())
+        own = np.ascontiguousarray(self._own[:, wheels])
+        outputs = np.empty((2, int(shown.sum()), *own.shape[2:]))
+        groups = np.searchsorted(whose, np.arange(wheels.size + 1))
+        bounds = np.concatenate([[0], np.cumsum(count)])
+        held = force[starts[kept]]
+        arrays = (spins.exponents, spins.steady, matrices, jumps, spin, change, output, bounds, groups, left, held)
+        self._kernels.advance_modes(own, *map(np.ascontiguousarray, arrays), outputs)
+        self._own[:, wheels] = own
+        states = spins.state(outputs, spin[shown])
+        for position, wheel in enumerate(paths):
+            if wheel in self._noted:
+                states[:, ((whose == position) & (place == offset[position]))[shown]] = self._noted[wheel][:, None]
+        self._keep(paths, wheels, place, whose, offset, turned, spins, speed)
+        return states
+
+    def _turns(
+        self, at_wheels: Spins, new: FloatArray, old: FloatArray, before: IntArray
+    ) -> tuple[Spins, FloatArray, FloatArray]:
+        """The modes at all speeds, those of the wheels first, and what the changes to the new ones do."""
+        if not new.size:
+            shape = at_wheels.right.shape
+            return at_wheels, np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
+        spins = at_wheels.joined(self.modes.spins(new, self._kernels))
+        after = len(old) + np.arange(new.size)
+        return spins, *self.modes.changes(spins, np.concatenate([old, new]), before, after, self._kernels)
+
+    def _keep(
+        self,
+        paths: Mapping[int, Path],
+        wheels: IntArray,
+        place: IntArray,
+        whose: IntArray,
+        offset: IntArray,
+        turned: NDArray[np.bool_],
+        spins: Spins,
+        speed: FloatArray,
+    ) -> None:
+        """Remember the last speed of each wheel, and the steps that were not taken."""
+        number = wheels.size + np.cumsum(turned) - 1
+        for position, (wheel, path) in enumerate(paths.items()):
+            mine = whose == position
+            changes = np.flatnonzero(mine & turned)
+            if changes.size:
+                self._speeds[wheel] = speed[place[changes[-1]]]
+                for all_wheels, new in zip(self._spins, spins, strict=True):
+                    all_wheels[:, wheel] = new[:, number[changes[-1]]]
+            taken = int(place[mine][-1] - offset[position]) if mine.any() else 0
+            if taken or changes.size:
+                self._noted.pop(wheel, None)
+            columns = (path.length[taken:], path.speed[taken:], *(-path.force[taken:]).T)
+            self._waiting[wheel] = list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def snapshot(self, index: int) -> dict[str, Any]:
+        """Everything that later results depend on, in JSON's types; the motion goes on from what is in it."""
+        state = self._take_up([index])[:, 0]
+        if index not in self._noted:
+            self._set(index, state)
+        return {"speed": float(self._speeds[index]), "state": self._noted[index].tolist()}
+
+    def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
-        self._steps = []
-        self._turn_at(snapshot["speed"])
-        real, imaginary = (np.array(part) for part in snapshot["state"])
-        if real.shape != self._state.shape or imaginary.shape != self._state.shape:
-            raise ValueError(f"the belt's state has shape {real.shape}; it must be {self._state.shape}")
-        self._state = real + 1j * imaginary
+        self._waiting[index] = []
+        self._turn_at(index, float(snapshot["speed"]))
+        state = np.array(snapshot["state"], dtype=np.float64)
+        expected = (2, *self._own.shape[2:])
+        if state.shape != expected:
+            raise ValueError(f"the belt's state has shape {state.shape}; it must be {expected}")
+        self._set(index, state)
+
+    def _set(self, index: int, state: FloatArray) -> None:
+        self._noted[index] = state
+        self._own[:, index] = self._spins.at(np.array([index])).own(state[:, None])[:, 0]
+
+
+def _cut_long_groups(
+    place: IntArray, kind: IntArray, whose: IntArray, starts: IntArray, offset: IntArray, sizes: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Ends of groups, with more of them where one would have over _MOST_TOGETHER intervals."""
+    wheels = np.arange(sizes.size)
+    edges = np.concatenate([place, offset, offset + sizes])
+    ranks = np.repeat([1, 0, 2], [place.size, wheels.size, wheels.size])
+    owners = np.concatenate([whose, wheels, wheels])
+    order = np.lexsort([ranks, edges, owners])
+    at = np.searchsorted(starts, edges[order])
+    many = np.flatnonzero((np.diff(at) > _MOST_TOGETHER) & (np.diff(owners[order]) == 0))
+    if not many.size:
+        return place, kind, whose
+    more = [np.arange(at[k] + _MOST_TOGETHER, at[k + 1], _MOST_TOGETHER) for k in many]
+    cuts = starts[np.concatenate(more)]
+    mine = np.repeat(owners[order][many], [each.size for each in more])
+    place, whose = np.concatenate([place, cuts]), np.concatenate([whose, mine])
+    kind = np.concatenate([kind, np.full(cuts.size, _CUT)])
+    order = np.lexsort([kind, place, whose])
+    return place[order], kind[order], whose[order]

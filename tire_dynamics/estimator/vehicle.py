@@ -6,6 +6,7 @@ import operator
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,11 +15,13 @@ from numpy.typing import NDArray
 from ..science import wheel
 from ..science.unit import TireWheelUnit
 from .belt import BeltShape, belt_numbers, ring_angles
-from .wheel_estimator import WheelEstimator
+from .motion import Motion
+from .schedule import Samples, Schedule, Stretch
 
-__all__ = ["Output", "Vehicle", "VehicleSettings", "stability_reply"]
+__all__ = ["Belt", "Events", "Output", "Outputs", "Vehicle", "VehicleSettings", "stability_reply"]
 
 FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -39,15 +42,62 @@ class VehicleSettings:
 
 
 class Output(NamedTuple):
-    """One wheel after a tick: its index, the axle force [N] (REP 103), and the belt's shape when that is due.
-
-    ``belt`` has shape (2, P): radial and tangential deflection relative to the wheel centre [m].
-    """
+    """One wheel after a tick: its index and the axle force [N] (REP 103)."""
 
     wheel: int
     force_x: float
     force_z: float
-    belt: FloatArray | None
+
+
+class Belt(NamedTuple):
+    """The belt of one wheel: radial and tangential deflection relative to the wheel centre [m], shape (2, P)."""
+
+    wheel: int
+    deflection: FloatArray
+
+
+class Events(NamedTuple):
+    """What a vehicle receives over a stretch, in columns; ``place`` is the place of each event among all.
+
+    Times are in nanoseconds.
+
+    Attributes
+    ----------
+    tick_place, ticks : ndarray of int, shape (T,)
+    joint_states : list of tuple
+        Joint names, place, receipt and stamp (N,), velocities (N, k) [rad/s], of messages with the same names.
+    wheel_speeds : list of tuple
+        For each wheel: place and receipt (N,), speed (N,) [rad/s].
+    loads : list of tuple
+        For each wheel: place, receipt and stamp (N,), load and traction (N, 2) [N].
+    """
+
+    tick_place: IntArray
+    ticks: IntArray
+    joint_states: list[tuple[tuple[str, ...], IntArray, IntArray, IntArray, FloatArray]]
+    wheel_speeds: list[tuple[IntArray, IntArray, FloatArray]]
+    loads: list[tuple[IntArray, IntArray, IntArray, FloatArray]]
+
+
+class Outputs(NamedTuple):
+    """What a vehicle puts out over a stretch.
+
+    Attributes
+    ----------
+    wheels : list of int
+        The W wheels that are in motion.
+    forces : ndarray, shape (T, W, 2)
+        Axle forces [x, z], REP 103 [N].
+    shown : ndarray of int, shape (M,)
+        Ticks at which the belts are due.
+    belts : ndarray, shape (M, W, 2, P)
+        Radial and tangential deflection relative to the wheel centre [m].
+    """
+
+    wheels: list[int]
+    forces: FloatArray
+    shown: IntArray
+    belts: FloatArray
 
 
 class Vehicle:
@@ -59,8 +109,8 @@ class Vehicle:
 
     Notes
     -----
-    Outcomes beyond those of :class:`WheelEstimator`, counted by the same counters (``no velocity``, which concerns no
-    wheel in particular, in ``message_counts``):
+    Outcomes beyond those of :class:`~.wheel_estimator.WheelEstimator`, counted by the same counters (``no velocity``,
+    which concerns no wheel in particular, in ``message_counts``):
 
     =====================  ==================================================================================
     ``no stamp``           a stamp of zero: the time of receipt is taken for it
@@ -73,26 +123,34 @@ class Vehicle:
     =====================  ==================================================================================
     """
 
-    def __init__(self, settings: VehicleSettings) -> None:
+    def __init__(self, settings: VehicleSettings, kernels: ModuleType | None = None) -> None:
         self.settings = settings
-        self.estimators = [
-            WheelEstimator(settings.unit, settings.model, settings.n_max, settings.input_timeout)
-            for _ in settings.wheels
-        ]
-        self.counts = [estimator.counts for estimator in self.estimators]
+        self.schedules = [Schedule(settings.input_timeout, self._is_unstable) for _ in settings.wheels]
+        self._motion = Motion(settings.unit, settings.model, settings.n_max, len(settings.wheels), kernels)
         self.message_counts: Counter[str] = Counter()
         self.clock_resets = 0
         self.time: int | None = None
         self._shape = BeltShape(ring_angles(settings.ring_samples), belt_numbers(settings.n_max, settings.model))
-        self.unit = settings.unit
         self._ring_turn: int | None = None
+        self._belt_due = False
         self._joints: dict[tuple[str, ...], list[tuple[int, int]]] = {}
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire of every wheel from now on; positions and velocities go on as they are."""
-        for estimator in self.estimators:
-            estimator.set_unit(unit)
-        self.unit = unit
+        self._motion.set_unit(unit)
+
+    @property
+    def unit(self) -> TireWheelUnit:
+        """The tire of every wheel."""
+        return self._motion.unit
+
+    @property
+    def counts(self) -> list[Counter[str]]:
+        """What became of the inputs of each wheel."""
+        return [schedule.counts for schedule in self.schedules]
+
+    def _is_unstable(self, speed: float) -> bool:
+        return wheel.is_unstable(self.unit, speed, self.settings.model)
 
     # -- inputs ---------------------------------------------------------------------------------------------
 
@@ -110,7 +168,7 @@ class Vehicle:
 
     def load(self, index: int, received: int, stamp: int, load: float, traction: float) -> None:
         """The contact force on one tire: vertical, up positive, and along x_ros [N]."""
-        counts = self.counts[index]
+        counts = self.schedules[index].counts
         accepted = self._accept(index, received, stamp)
         if accepted is None:
             return
@@ -121,27 +179,27 @@ class Vehicle:
         if load < 0.0:
             counts["off the ground"] += 1
             load = 0.0
-        self.estimators[index].add_load(accepted, load, traction)
+        self.schedules[index].add_load(accepted, load, traction)
 
     def _speed(self, index: int, received: int, stamp: int, speed: float) -> None:
         accepted = self._accept(index, received, stamp)
         if accepted is None:
             return
         if abs(speed) > self.settings.max_speed:
-            self.counts[index]["speed too high"] += 1
+            self.schedules[index].counts["speed too high"] += 1
             return
-        self.estimators[index].add_speed(accepted, speed)
+        self.schedules[index].add_speed(accepted, speed)
 
     def _accept(self, index: int, received: int, stamp: int) -> int | None:
         if stamp == 0:
-            self.counts[index]["no stamp"] += 1
+            self.schedules[index].counts["no stamp"] += 1
             return received
         if stamp > received + self.settings.input_timeout:
-            self.counts[index]["in the future"] += 1
+            self.schedules[index].counts["in the future"] += 1
             return None
         return stamp
 
-    def _where(self, names: tuple[str, ...]) -> list[tuple[int, int]]:
+    def _where(self, names: tuple[str, ...], messages: int = 1) -> list[tuple[int, int]]:
         """(wheel, position) of every wheel joint among these names; publishers repeat their names for ever."""
         known = self._joints.get(names)
         if known is None:
@@ -153,7 +211,7 @@ class Vehicle:
             self._joints[names] = known
         for index, _ in known:
             if names.count(self.settings.joint_names[index]) > 1:
-                self.counts[index]["joint twice"] += 1
+                self.schedules[index].counts["joint twice"] += messages
         return known
 
     # -- time -----------------------------------------------------------------------------------------------
@@ -166,26 +224,129 @@ class Vehicle:
         """
         if self.time is not None and stamp < self.time:
             self.clock_resets += 1
-            for estimator in self.estimators:
-                estimator.reset()
+            for index, schedule in enumerate(self.schedules):
+                schedule.reset()
+                self._motion.reset(index)
         self.time = stamp
         turn = stamp // self.settings.ring_period
-        belt_due = turn != self._ring_turn
+        self._belt_due = turn != self._ring_turn
         self._ring_turn = turn
-        outputs = []
-        for index, estimator in enumerate(self.estimators):
-            if estimator.advance(stamp):
-                x, z = estimator.axle_force
-                belt = estimator.belt(self._shape) if belt_due else None
-                outputs.append(Output(index, x, z, belt))
-        return outputs
+        self._motion.follow([schedule.plan(stamp) for schedule in self.schedules])
+        for schedule, bounded in zip(self.schedules, self._motion.bounded().tolist(), strict=True):
+            if schedule.running and not bounded:
+                schedule.give_up()
+        forces = self._motion.axle_forces(np.array([schedule.speed for schedule in self.schedules])).tolist()
+        return [Output(index, *forces[index]) for index in self._running()]
+
+    def _running(self) -> list[int]:
+        return [index for index, schedule in enumerate(self.schedules) if schedule.running]
+
+    def belts(self) -> list[Belt]:
+        """The belts of the wheels in motion, if they are due at the last tick and have not been asked for."""
+        running = self._running() if self._belt_due else []
+        self._belt_due = False
+        if not running:
+            return []
+        return [Belt(*pair) for pair in zip(running, self._motion.deflections(running, self._shape), strict=True)]
+
+    def drive(self, events: Events) -> Outputs | None:
+        """What the same calls one by one would do, :meth:`belts` behind each tick, bit for bit, for many at once.
+
+        Returns
+        -------
+        Outputs or None
+            None if a wheel would start, stop or diverge, or the clock is set back: then nothing has changed, and the
+            calls have to be made one by one.
+        """
+        ticks = events.ticks
+        if self.time is None or (np.diff(ticks, prepend=self.time) < 0).any() or not ticks.size:
+            return None
+        kept = [schedule.keep() for schedule in self.schedules]
+        message_counts = self.message_counts.copy()
+        speeds = self._speed_events(events)
+        stretches: dict[int, Stretch] = {}
+        for index, schedule in enumerate(self.schedules):
+            place, received, stamp, values = events.loads[index]
+            loads = self._usable_loads(index, place, received, stamp, values, events.tick_place)
+            stretch = schedule.stretch(ticks, speeds[index], loads)
+            if stretch is not None:
+                stretches[index] = stretch
+            elif not schedule.idle(ticks, speeds[index], loads):
+                break
+        else:
+            turns = ticks // self.settings.ring_period
+            turned = np.concatenate([turns[:1] - 1 if self._ring_turn is None else [self._ring_turn], turns[:-1]])
+            shown = np.flatnonzero(turns != turned)
+            result = self._motion.follow_stretches(stretches, ticks.size, shown, self._shape)
+            if result is not None:
+                self.time, self._ring_turn, self._belt_due = int(ticks[-1]), int(turns[-1]), False
+                return Outputs(list(stretches), result[0], shown, result[1])
+        for schedule, before in zip(self.schedules, kept, strict=True):
+            schedule.put_back(before)
+        self.message_counts = message_counts
+        return None
+
+    def _speed_events(self, events: Events) -> list[Samples]:
+        """The samples of speed of each wheel."""
+        parts: list[list[tuple[IntArray, IntArray, IntArray, FloatArray]]] = [
+            [(place, received, received, speed)] for place, received, speed in events.wheel_speeds
+        ]
+        for names, place, received, stamp, velocities in events.joint_states:
+            if velocities.shape[1] != len(names):
+                self.message_counts["no velocity"] += place.size
+                continue
+            for index, position in self._where(names, place.size):
+                parts[index].append((place, received, stamp, velocities[:, position]))
+        samples = []
+        for index, pieces in enumerate(parts):
+            place, received, stamp, speed = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+            if len(pieces) > 1:
+                order = np.argsort(place, kind="stable")
+                place, received, stamp, speed = place[order], received[order], stamp[order], speed[order]
+            stamp, usable = self._usable(index, received, stamp)
+            self._refuse(index, "speed too high", usable, np.abs(speed) > self.settings.max_speed)
+            self._refuse(index, "not finite", usable, ~np.isfinite(speed))
+            after = np.searchsorted(events.tick_place, place[usable])
+            samples.append(Samples(after, stamp[usable], speed[usable, None]))
+        return samples
+
+    def _usable_loads(
+        self, index: int, place: IntArray, received: IntArray, stamp: IntArray, values: FloatArray, ticks: IntArray
+    ) -> Samples:
+        stamp, usable = self._usable(index, received, stamp)
+        self._refuse(index, "load too high", usable, (np.abs(values) > self.settings.max_load).any(axis=1))
+        below = usable & (values[:, 0] < 0.0)
+        if below.any():
+            self.schedules[index].counts["off the ground"] += int(below.sum())
+            values = values.copy()
+            values[below, 0] = 0.0
+        self._refuse(index, "not finite", usable, ~np.isfinite(values).all(axis=1))
+        return Samples(np.searchsorted(ticks, place[usable]), stamp[usable], values[usable])
+
+    def _usable(self, index: int, received: IntArray, stamp: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+        """Stamps, with the receipt for those of zero, and which are not in the future."""
+        counts, missing = self.schedules[index].counts, stamp == 0
+        if missing.any():
+            counts["no stamp"] += int(missing.sum())
+            stamp = np.where(missing, received, stamp)
+        usable = np.ones(stamp.size, dtype=bool)
+        self._refuse(index, "in the future", usable, ~missing & (stamp > received + self.settings.input_timeout))
+        return stamp, usable
+
+    def _refuse(self, index: int, why: str, usable: NDArray[np.bool_], wrong: Any) -> None:
+        refused = usable & wrong
+        if refused.any():
+            self.schedules[index].counts[why] += int(refused.sum())
+            usable &= ~refused
 
     def snapshot(self) -> dict[str, Any]:
         """Everything that later outputs depend on, in JSON's types; :meth:`restore` continues from it bit for bit."""
         return {
             "time": self.time,
             "ring_turn": self._ring_turn,
-            "wheels": [estimator.snapshot() for estimator in self.estimators],
+            "wheels": [
+                {**schedule.snapshot(), **self._motion.snapshot(index)} for index, schedule in enumerate(self.schedules)
+            ],
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
@@ -193,13 +354,14 @@ class Vehicle:
         self.time, self._ring_turn = (
             None if snapshot[name] is None else operator.index(snapshot[name]) for name in ("time", "ring_turn")
         )
-        for estimator, state in zip(self.estimators, snapshot["wheels"], strict=True):
-            estimator.restore(state)
+        for index, (schedule, state) in enumerate(zip(self.schedules, snapshot["wheels"], strict=True)):
+            schedule.restore(state)
+            self._motion.restore(index, state)
 
     def stability(self, index: int) -> dict[str, Any]:
         """The stability reply for one wheel at its present speed; at standstill before there is a speed."""
-        estimator = self.estimators[index]
-        return stability_reply(self.settings.wheels[index], self.unit, estimator.speed, self.settings.model)
+        speed = self.schedules[index].speed
+        return stability_reply(self.settings.wheels[index], self.unit, speed, self.settings.model)
 
 
 def stability_reply(

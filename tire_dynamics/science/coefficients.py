@@ -24,7 +24,7 @@ class Coefficients(NamedTuple):
     determinant: FloatArray
 
 
-def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float = 0.0) -> Coefficients:
+def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float | FloatArray = 0.0) -> Coefficients:
     """Stiffness coefficients A_n, B_n, C_n of (3.5a-c).
 
     Parameters
@@ -32,8 +32,8 @@ def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float = 0.0) -> Coeff
     unit : TireWheelUnit
     n : array_like of int
         Circumferential wavenumbers.
-    speed : float
-        Spin Omega [rad/s].
+    speed : float or ndarray
+        Spin Omega [rad/s]; broadcast against n.
 
     Notes
     -----

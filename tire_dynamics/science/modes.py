@@ -19,22 +19,64 @@ from __future__ import annotations
 
 import cmath
 import math
-from typing import get_args
+from types import ModuleType
+from typing import NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import kernels
 from .coefficients import Model, coefficients, mode_damping
+from .elementary import cos_sin
 from .stepping import Steps
 from .unit import TireWheelUnit
 
-__all__ = ["CONTACT_ANGLE", "RingModes", "SpinningModes"]
+__all__ = ["CONTACT_ANGLE", "RingModes", "Spins", "SpinningModes"]
 
 CONTACT_ANGLE = 1.5 * math.pi
 """psi_0, where the road is."""
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+IntArray = NDArray[np.int64]
+
+
+class Spins(NamedTuple):
+    """Modes at S constant speeds by their eigenvalues, x = right w, w' = mu w + b f, in real and imaginary parts.
+
+    The first axis of each array is (real, imaginary). For the inextensional model the numbers have the same bits on
+    every machine.
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (2, S, N, k)
+        mu [1/s], in the fixed frame; k = 4 for the complete model, 2 otherwise.
+    steady : ndarray, shape (2, S, N, k, 2)
+        -b/mu: the w in which a constant force [f_r, f_t] of 1 N leaves each mode.
+    right, left : ndarray, shape (2, S, N, k, k)
+        Columns of right are the eigenvectors in the state x = (V, Z); left is its inverse.
+    """
+
+    exponents: FloatArray
+    steady: FloatArray
+    right: FloatArray
+    left: FloatArray
+
+    def at(self, which: IntArray) -> Spins:
+        """Some of the speeds."""
+        return Spins(*(np.take(each, which, axis=1) for each in self))
+
+    def joined(self, others: Spins) -> Spins:
+        """These speeds and others behind them."""
+        return Spins(*(np.concatenate(pair, axis=1) for pair in zip(self, others, strict=True)))
+
+    def state(self, own: FloatArray, which: IntArray | slice = slice(None)) -> FloatArray:
+        """The states x, shape (2, S, N, k), of coordinates w of that shape, at some of the speeds."""
+        return _multiply(self.right[:, which], own[..., None])[..., 0]
+
+    def own(self, state: FloatArray) -> FloatArray:
+        """The coordinates w of states x, both of shape (2, S, N, k)."""
+        return _multiply(self.left, state[..., None])[..., 0]
 
 
 class RingModes:
@@ -67,8 +109,13 @@ class RingModes:
             raise ValueError(f"numbers is {numbers!r}; model {model!r} needs integers >= {lowest}")
         self.damping = mode_damping(unit, self.numbers, "complete" if model == "complete" else "inextensional")
         modal_mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(self.numbers == 0, 2.0, 1.0)
-        spread = np.sinc(self.numbers * unit.contact_half_angle / math.pi)  # section 4: sin(n phi_c)/(n phi_c)
-        self._force = spread * np.array([cmath.exp(1j * n * angle) for n in self.numbers]) / modal_mass
+        patch = self.numbers * unit.contact_half_angle
+        spread = np.where(patch == 0.0, 1.0, cos_sin(patch)[1] / np.where(patch == 0.0, 1.0, patch))  # section 4
+        if angle == CONTACT_ANGLE:  # exactly (-i)^n
+            turned = np.array([1.0, -1.0j, -1.0, 1.0j])[np.mod(self.numbers, 4.0).astype(int)]
+        else:
+            turned = np.array([cmath.exp(1j * n * angle) for n in self.numbers])
+        self._force = spread * turned / modal_mass
 
     def at(self, speed: float) -> SpinningModes:
         """The modes at a constant speed [rad/s]."""
@@ -108,6 +155,58 @@ class RingModes:
         drive[:, 0, 0] = drive[:, 1, 1] = self._force
         return SpinningModes(roots, right * scale[:, :, None], left / scale[:, None, :], drive)
 
+    def spins(self, speeds: FloatArray, kernels: ModuleType = kernels) -> Spins:
+        """The modes at constant speeds [rad/s], shape (S,)."""
+        if self.model == "complete":
+            each = [self.at(speed) for speed in speeds.tolist()]
+            fields = [[at.exponents, at.steady_shapes(), at.right, at.left] for at in each]
+            stacked = (np.stack(field) for field in zip(*fields, strict=True))
+            return Spins(*(np.stack([field.real, field.imag]) for field in stacked))
+        speed = speeds[:, None]
+        A, _, C, determinant = coefficients(self.unit, self.numbers, speed)
+        n = self.numbers
+        through = A + n * C
+        return Spins(
+            *kernels.whirls(
+                n * speed, speed * self._gamma(A, C), n * determinant / through, self.damping,
+                n * C / through, n * A / through, np.stack([self._force.real, self._force.imag]),
+            )
+        )  # fmt: skip
+
+    def changes(
+        self, spins: Spins, speeds: FloatArray, before: IntArray, after: IntArray, kernels: ModuleType = kernels
+    ) -> tuple[FloatArray, FloatArray]:
+        """What jumps of the speed do to the coordinates: w_after = matrix w_before + offset.
+
+        Parameters
+        ----------
+        spins : Spins
+            At the speeds, shape (S,) [rad/s].
+        before, after : ndarray of int, shape (C,)
+            Which of them each jump is from and to.
+
+        Returns
+        -------
+        matrix : ndarray, shape (2, C, N, k, k)
+        offset : ndarray, shape (2, C, N, k)
+
+        Notes
+        -----
+        The state x jumps by the integral of the Euler terms over the jump, as in :meth:`change_speed`.
+        """
+        first, second = speeds[before, None], speeds[after, None]
+        if self.model != "complete":
+            twist = (second - first) * self._middle_gamma(first, second)
+            matrix = kernels.whirl_changes(spins.right, spins.left, before, after, twist)
+            return matrix, np.zeros(matrix.shape[:-1])
+        change = (second - first)[..., None]
+        right, left = spins.right[:, before], spins.left[:, after]
+        jumped = right.copy()
+        jumped[..., 0, :] += change * right[..., 3, :]
+        jumped[..., 1, :] -= change * right[..., 2, :]
+        push = -change[..., 0] * (self.unit.radius * (self.numbers == 0.0))
+        return _multiply(left, jumped), left[..., 1] * push[..., None]
+
     def change_speed(self, state: ComplexArray, before: float, after: float) -> ComplexArray:
         """The state after a jump of the speed [rad/s]: the Euler terms' integral over it."""
         change = after - before
@@ -118,10 +217,13 @@ class RingModes:
             jumped[..., 0] += change * state[..., 3]
             jumped[..., 1] -= change * (state[..., 2] + self.unit.radius * (self.numbers == 0.0))
         else:
-            mean_square = (before * before + before * after + after * after) / 3.0  # gamma depends on Omega^2
-            middle = coefficients(self.unit, self.numbers, math.sqrt(mean_square))
-            jumped[..., 0] -= 1j * change * self._gamma(middle.coupling, middle.tangential) * state[..., 1]
+            jumped[..., 0] -= 1j * change * self._middle_gamma(before, after) * state[..., 1]
         return jumped
+
+    def _middle_gamma(self, before: float | FloatArray, after: float | FloatArray) -> FloatArray:
+        mean_square = (before * before + before * after + after * after) / 3.0  # gamma depends on Omega^2
+        middle = coefficients(self.unit, self.numbers, np.sqrt(mean_square))
+        return self._gamma(middle.coupling, middle.tangential)
 
     def _gamma(self, A: FloatArray, C: FloatArray) -> FloatArray:
         if self.model == "hybrid":
@@ -185,6 +287,11 @@ class SpinningModes:
         state: ComplexArray = (self.right @ (-force / self.exponents)[..., None])[..., 0]
         return state
 
+    def steady_shapes(self) -> ComplexArray:
+        """-b/mu: what a constant force of 1 N leaves in the modes' own coordinates, shape (N, k, 2)."""
+        shapes: ComplexArray = -self._drive / self.exponents[..., None]
+        return shapes
+
     def step(self, state: ComplexArray, length: float, force: FloatArray, change: FloatArray) -> ComplexArray:
         """The state after a step [s] over which the force [f_r, f_t] [N] changes linearly by ``change``.
 
@@ -204,30 +311,6 @@ class SpinningModes:
         after: ComplexArray = (self.right @ own[..., None])[..., 0]
         return after
 
-    def hold(self, state: ComplexArray, lengths: FloatArray, forces: FloatArray) -> ComplexArray:
-        """The state after steps over each of which a force is held.
-
-        Parameters
-        ----------
-        state : ndarray of complex, shape (N, k)
-        lengths : ndarray, shape (S,)
-            [s]
-        forces : ndarray, shape (S, 2)
-            f_r (outward), f_t (along increasing psi) [N].
-
-        Notes
-        -----
-        With r_i the time from the begin of step i to the end of all, a force held over step i leaves
-        (exp(mu r_i) - exp(mu r_{i+1})) b f_i/mu in each mode's own coordinate.
-        """
-        left_over = np.concatenate([np.cumsum(lengths[::-1])[::-1], [0.0]])
-        growth = np.exp(self.exponents[:, :, None] * left_over)
-        own = growth[:, :, 0] * (self.left @ state[..., None])[..., 0]
-        push = (growth[:, :, :-1] - growth[:, :, 1:]) @ forces
-        own += (push * self._drive).sum(axis=2) / self.exponents
-        after: ComplexArray = (self.right @ own[..., None])[..., 0]
-        return after
-
 
 def _series(x: ComplexArray, order: int) -> ComplexArray:
     """phi_order(x) = sum_j x^j/(j + order)! for small x, where the closed form cancels."""
@@ -236,3 +319,18 @@ def _series(x: ComplexArray, order: int) -> ComplexArray:
         total = (total + 1.0) * x / (j + order)
     result: ComplexArray = (total + 1.0) / math.factorial(order)
     return result
+
+
+# Complex numbers as (real, imaginary) along the first axis: NumPy's own products may or may not be fused.
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _multiply(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Matrix products, sums in order; shapes (2, ..., i, j) and (2, ..., j, l)."""
+    total = _times(a[..., :, :1], b[..., :1, :])
+    for j in range(1, a.shape[-1]):
+        total += _times(a[..., :, j : j + 1], b[..., j : j + 1, :])
+    return total

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,8 @@ class ExactStepper:
         drive = float((np.abs(inputs) / scale[:, None]).max()) * self.longest_step or 1.0
         forced = np.repeat(1.0 / (scale[:, None] * drive), 2 * self.inputs, axis=1)
         self.table = self._tabulate(terms, inputs, np.concatenate([balance, forced], axis=1))
+        held = self.table[:, :, : self.states + self.inputs]  # what inputs that are held need
+        self._held = np.ascontiguousarray(held).reshape(*held.shape[:2], -1)
 
     def _tabulate(self, terms: Sequence[FloatArray], inputs: FloatArray, weight: FloatArray) -> FloatArray:
         """Coefficients of (h/longest_step)^j (Omega/top_speed)^k of [Phi G_0 G_1], transposed: (J, K, n+2m, n)."""
@@ -99,6 +102,21 @@ class ExactStepper:
         if speed <= self.top_speed:
             return self.longest_step
         return self.longest_step * (self.top_speed / speed) ** self.order
+
+    def series(self, speeds: FloatArray, kernels: ModuleType) -> FloatArray:
+        """Taylor coefficients in the step's length of transposed [Phi G_0] at speeds [rad/s], (S, J, n + m, n)."""
+        coefficients: FloatArray = kernels.series(self._held, speeds / self.top_speed)
+        return coefficients.reshape(*coefficients.shape[:2], -1, self.states)
+
+    def doublings(self, steps: FloatArray, speeds: FloatArray) -> NDArray[np.int64]:
+        """How often steps [s] at speeds >= 0 [rad/s] have to be halved to be summed directly."""
+        limit = np.full(speeds.shape, self.longest_step)
+        fast = speeds > self.top_speed
+        if fast.any():
+            limit[fast] = [self.limit(speed) for speed in speeds[fast].tolist()]
+        mantissa, exponent = np.frexp(steps / limit)
+        doublings: NDArray[np.int64] = np.maximum(exponent - (mantissa == 0.5), 0).astype(np.int64)
+        return doublings
 
     def at(self, speed: float) -> SpinningStepper:
         """The stepper at a constant speed [rad/s]."""

@@ -138,12 +138,15 @@ class TireWheelUnit:
     @property
     def rigid_mode_frequency(self) -> float:
         """Frequency of the rigid ring on the sidewall, omega_1 = sqrt(k_1/m) [rad/s]."""
-        return math.sqrt(self.sidewall_stiffness / self.ring_mass)
+        return self._sqrt(self.sidewall_stiffness / self.ring_mass)
 
     @property
     def suspension_damping(self) -> float:
         """Damping of the suspension, c_s = 2 zeta_s sqrt(k_s (M + m)) [N s/m]."""
-        return 2.0 * self.zeta_s * math.sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
+        return 2.0 * self.zeta_s * self._sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
+
+    def _sqrt(self, number: float) -> float:  # maps.py has units whose numbers are arrays
+        return math.sqrt(number)
 
     # -- making units ---------------------------------------------------------------------------------------
 

@@ -12,8 +12,9 @@ X = alpha cos phi - beta sin phi, Y = alpha sin phi + beta cos phi, and likewise
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,22 +26,33 @@ from .floquet import FloquetResult
 from .stepping import ExactStepper, solve_in_order
 from .unit import MODAL, TireWheelUnit
 
+if TYPE_CHECKING:
+    from .maps import StabilityMap, TransmissibilityMap, stability_map, transmissibility_map
+
 __all__ = [
     "FixedFrame",
+    "StabilityMap",
+    "TransmissibilityMap",
     "axle_force",
+    "axle_forces",
     "belt_amplitudes",
     "change_speed",
     "critical_speed",
+    "crossings",
     "equilibrium",
     "fixed_frame",
     "fixed_frame_matrix",
     "is_unstable",
+    "output_matrices",
     "ring_centre",
     "rotation",
     "stability",
+    "stability_map",
+    "stacked_frames",
     "state_matrix",
     "stepper",
     "transmissibility",
+    "transmissibility_map",
 ]
 
 Model = Literal["complete", "inextensional"]
@@ -72,80 +84,103 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
     circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
     """
-    if model == "inextensional":
-        system = _inextensional(unit)
-    elif model == "complete":
-        system = _complete(unit)
-    else:
-        raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+    system = _builder(model)(unit, _spread(unit))
     for matrix in system:
         matrix.setflags(write=False)  # they are shared
     return system
 
 
-def _inextensional(unit: TireWheelUnit) -> FixedFrame:
+def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = "inextensional") -> FixedFrame:
+    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front.
+
+    The columns of ``input`` are those of a point load.
+    """
+    return _builder(model)(units, 1.0, shape)
+
+
+def _builder(model: str) -> Callable[..., FixedFrame]:
+    if model == "inextensional":
+        return _inextensional
+    if model == "complete":
+        return _complete
+    raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+
+
+def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
     m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     k_1 = unit.sidewall_stiffness
     kappa = k_1 / m
     d = 2.0 * unit.zeta_1 * unit.rigid_mode_frequency
     c_1 = m * d  # the sidewall's damping as it acts between belt and wheel [N s/m]
-    constant, spin = np.zeros((6, 6)), np.zeros((6, 6))
-    output, output_spin = np.zeros((2, 6)), np.zeros((2, 6))
-    constant[3:, :3] = np.eye(3)
+    constant, spin, force, output, output_spin = _zeros(shape, 6)
+    constant[..., 3:, :3] = np.eye(3)
     #                    X'    Y'    y'           X       Y       y
-    constant[0, :] = [  -d,   0.0,  0.0,      -kappa,    0.0,    0.0]  # fmt: skip
-    constant[1, :] = [ 0.0,    -d,  0.0,         0.0, -kappa,  kappa]  # fmt: skip
-    constant[2, :] = [ 0.0,   0.0, -c_s / M,     0.0, k_1 / M, -(k_1 + k_s) / M]  # fmt: skip
-    spin[0, 4], spin[1, 3] = -d, d
-    output[0, 3] = -k_1
-    output[1, [2, 5]] = [c_s, k_s]
+    _set(constant, 0, [  -d,   0.0,  0.0,      -kappa,    0.0,    0.0])  # fmt: skip
+    _set(constant, 1, [ 0.0,    -d,  0.0,         0.0, -kappa,  kappa])  # fmt: skip
+    _set(constant, 2, [ 0.0,   0.0, -c_s / M,     0.0, k_1 / M, -(k_1 + k_s) / M])  # fmt: skip
+    _set(spin, 0, {4: -d})
+    _set(spin, 1, {3: d})
+    _set(output, 0, {3: -k_1})
+    _set(output, 1, {2: c_s, 5: k_s})
     if unit.sidewall_damping != MODAL:  # the dashpots see the wheel, and the wheel sees them
-        constant[1, 2] = d
-        constant[2, 1:3] = [c_1 / M, -(c_s + c_1) / M]
-        spin[0, 5], spin[2, 3] = d, -c_1 / M
-        output[0, 0] = -c_1
-        output_spin[0, [4, 5]] = [-c_1, c_1]
-    force = np.zeros((6, 2))
-    force[1, 0], force[0, 1] = _spread(unit) / m, -_spread(unit) / m
+        _set(constant, 1, {2: d})
+        _set(constant, 2, {1: c_1 / M, 2: -(c_s + c_1) / M})
+        _set(spin, 0, {5: d})
+        _set(spin, 2, {3: -c_1 / M})
+        _set(output, 0, {0: -c_1})
+        _set(output_spin, 0, {4: -c_1, 5: c_1})
+    _set(force, 0, {1: -spread / m})
+    _set(force, 1, {0: spread / m})
     return FixedFrame(constant, spin, force, output, output_spin)
 
 
-def _complete(unit: TireWheelUnit) -> FixedFrame:
+def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
     M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
-    A, B, C, _ = (float(value) for value in coefficients(unit, 1))  # at rest: what the fixed frame keeps
+    A, B, C, _ = coefficients(unit, 1)  # at rest: what the fixed frame keeps
     area = math.pi * unit.radius * unit.width
     half_mass = area * unit.surface_density
     radial, tangential = unit.radial_stiffness, unit.tangential_stiffness
     k_z, k_t = radial / unit.surface_density, tangential / unit.surface_density
-    d = float(mode_damping(unit, 1, "complete"))
+    d = mode_damping(unit, 1, "complete")
     c_1 = half_mass * d
-    constant, spin = np.zeros((10, 10)), np.zeros((10, 10))
-    output, output_spin = np.zeros((2, 10)), np.zeros((2, 10))
-    constant[5:, :5] = np.eye(5)
+    constant, spin, force, output, output_spin = _zeros(shape, 10)
+    constant[..., 5:, :5] = np.eye(5)
     #                    X'    Y'    U'    V'    y'          X    Y    U    V    y
-    constant[0, :] = [  -d,  0.0,  0.0,  0.0,  0.0,         -B, 0.0, 0.0,  -A, 0.0]  # fmt: skip
-    constant[1, :] = [ 0.0,   -d,  0.0,  0.0,  0.0,        0.0,  -B,   A, 0.0, k_z]  # fmt: skip
-    constant[2, :] = [ 0.0,  0.0,   -d,  0.0,  0.0,        0.0,   A,  -C, 0.0, k_t]  # fmt: skip
-    constant[3, :] = [ 0.0,  0.0,  0.0,   -d,  0.0,         -A, 0.0, 0.0,  -C, 0.0]  # fmt: skip
-    constant[4, :] = [ 0.0,  0.0,  0.0,  0.0, -c_s / M,    0.0, area * radial / M, area * tangential / M, 0.0,
-                      -(area * (radial + tangential) + k_s) / M]  # fmt: skip
-    spin[0, :4] = [0.0, -2.0, 2.0, 0.0]
-    spin[1, :4] = [2.0, 0.0, 0.0, 2.0]
-    spin[2, :4] = [-2.0, 0.0, 0.0, -2.0]
-    spin[3, :4] = [0.0, -2.0, 2.0, 0.0]
-    spin[0, 6], spin[1, 5], spin[2, 8], spin[3, 7] = -d, d, -d, d
-    output[0, [5, 8]] = [-area * radial, area * tangential]
-    output[1, [4, 9]] = [c_s, k_s]
+    _set(constant, 0, [  -d,  0.0,  0.0,  0.0,  0.0,         -B, 0.0, 0.0,  -A, 0.0])  # fmt: skip
+    _set(constant, 1, [ 0.0,   -d,  0.0,  0.0,  0.0,        0.0,  -B,   A, 0.0, k_z])  # fmt: skip
+    _set(constant, 2, [ 0.0,  0.0,   -d,  0.0,  0.0,        0.0,   A,  -C, 0.0, k_t])  # fmt: skip
+    _set(constant, 3, [ 0.0,  0.0,  0.0,   -d,  0.0,         -A, 0.0, 0.0,  -C, 0.0])  # fmt: skip
+    _set(constant, 4, [ 0.0,  0.0,  0.0,  0.0, -c_s / M,    0.0, area * radial / M, area * tangential / M, 0.0,
+                       -(area * (radial + tangential) + k_s) / M])  # fmt: skip
+    _set(spin, 0, [0.0, -2.0, 2.0, 0.0, 0.0,    0.0,  -d])  # fmt: skip
+    _set(spin, 1, [2.0, 0.0, 0.0, 2.0, 0.0,       d])  # fmt: skip
+    _set(spin, 2, [-2.0, 0.0, 0.0, -2.0, 0.0,   0.0, 0.0, 0.0,  -d])  # fmt: skip
+    _set(spin, 3, [0.0, -2.0, 2.0, 0.0, 0.0,    0.0, 0.0,   d])  # fmt: skip
+    _set(output, 0, {5: -area * radial, 8: area * tangential})
+    _set(output, 1, {4: c_s, 9: k_s})
     if unit.sidewall_damping != MODAL:
-        constant[1, 4], constant[2, 4] = d, d
-        constant[4, [1, 2, 4]] = [c_1 / M, c_1 / M, -(c_s + 2.0 * c_1) / M]
-        spin[0, 9], spin[3, 9] = d, -d
-        spin[4, [5, 8]] = [-c_1 / M, c_1 / M]
-        output[0, [0, 3]] = [-c_1, c_1]
-        output_spin[0, [6, 7, 9]] = [-c_1, -c_1, 2.0 * c_1]
-    force = np.zeros((10, 2))
-    force[1, 0], force[3, 1] = _spread(unit) / half_mass, _spread(unit) / half_mass
+        _set(constant, 1, {4: d})
+        _set(constant, 2, {4: d})
+        _set(constant, 4, {1: c_1 / M, 2: c_1 / M, 4: -(c_s + 2.0 * c_1) / M})
+        _set(spin, 0, {9: d})
+        _set(spin, 3, {9: -d})
+        _set(spin, 4, {5: -c_1 / M, 8: c_1 / M})
+        _set(output, 0, {0: -c_1, 3: c_1})
+        _set(output_spin, 0, {6: -c_1, 7: -c_1, 9: 2.0 * c_1})
+    _set(force, 1, {0: spread / half_mass})
+    _set(force, 3, {1: spread / half_mass})
     return FixedFrame(constant, spin, force, output, output_spin)
+
+
+def _zeros(shape: tuple[int, ...], states: int) -> FixedFrame:
+    n = states
+    return FixedFrame(*(np.zeros((*shape, *size)) for size in ((n, n), (n, n), (n, 2), (2, n), (2, n))))
+
+
+def _set(matrix: FloatArray, row: int, values: Sequence[Any] | Mapping[int, Any]) -> None:
+    """Elements of a row, from the first column on or by their columns; each a number or an array."""
+    for column, value in values.items() if isinstance(values, Mapping) else enumerate(values):
+        matrix[..., row, column] = value
 
 
 def _spread(unit: TireWheelUnit) -> float:
@@ -176,8 +211,19 @@ def equilibrium(
 
 def axle_force(unit: TireWheelUnit, speed: float, state: FloatArray, model: Model = "inextensional") -> FloatArray:
     """Force on the axle [x, z], REP 103 axes [N], in a fixed-frame state: x on the held wheel, z on the suspension."""
+    return axle_forces(output_matrices(unit, np.asarray(speed), model), state)
+
+
+def output_matrices(unit: TireWheelUnit, speeds: FloatArray, model: Model = "inextensional") -> FloatArray:
+    """Transposed matrices that take states to axle forces at speeds [rad/s] of shape (...,), shape (..., n, 2)."""
     system = fixed_frame(unit, model)
-    force: FloatArray = np.add.reduce((system.output + speed * system.output_spin).T * state[:, None], axis=0)
+    matrices: FloatArray = system.output.T + speeds[..., None, None] * system.output_spin.T
+    return matrices
+
+
+def axle_forces(matrices: FloatArray, states: FloatArray) -> FloatArray:
+    """Axle forces (..., 2) [N] in states (..., n), from :func:`output_matrices` (..., n, 2); sums in order."""
+    force: FloatArray = np.add.reduce(matrices * states[..., None], axis=-2)
     return force
 
 
@@ -384,16 +430,22 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     matrix pencil, so none is missed. Between two of them the verdict cannot change; it is read in the middle
     of each interval, and the crossing is then refined on the spectral abscissa.
     """
+    return next((speed for speed, lost in crossings(unit, model) if lost), None)
+
+
+def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[tuple[float, bool]]:
+    """Every speed > 0 at which stability is lost (True) or regained (False) [rad/s], from the lowest on.
+
+    Found as the notes of :func:`critical_speed` say. Backward, they are the same.
+    """
     system = fixed_frame(unit, model)
     F_0, F_1 = system.constant, system.spin
     if not F_1.any():
-        return None
-    one = np.eye(F_0.shape[0])
+        return
     scale = _balance(F_0)
     F_0, F_1 = F_0 * scale, F_1 * scale
     with np.errstate(divide="ignore", invalid="ignore"):
-        pencil = np.kron(F_0, one) + np.kron(one, F_0), -np.kron(F_1, one) - np.kron(one, F_1)
-        roots = np.asarray(linalg.eigvals(*pencil), dtype=np.complex128)
+        roots = np.asarray(linalg.eigvals(_kronecker_sum(F_0), -_kronecker_sum(F_1)), dtype=np.complex128)
     size = float(np.abs(F_0).max())
     roots = roots[np.abs(roots) < 1e8 * size]  # the pencil's infinite eigenvalues, which rounding makes finite
     nearly_real = np.abs(roots.imag) <= 1e-6 * np.abs(roots)  # rounding may split a double root
@@ -405,12 +457,21 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     noise = 1e-12 * size  # an undamped unit stays on the axis, but for rounding
     edges = np.concatenate([[0.0], candidates, [2.0 * candidates[-1]]]) if candidates.size else np.zeros(1)
     middles = 0.5 * (edges[:-1] + edges[1:])
-    for candidate, before, after in zip(candidates, middles[:-1], middles[1:], strict=True):
-        if abscissa(before) <= noise < abscissa(after):
-            if abscissa(before) < 0.0:
-                return float(optimize.brentq(abscissa, before, after, xtol=1e-6))
-            return float(candidate)
-    return None
+    heights = np.linalg.eigvals(F_0 + middles[:, None, None] * F_1).real.max(axis=1)
+    for k, candidate in enumerate(candidates):
+        (before, after), (low, high) = middles[k : k + 2], heights[k : k + 2]
+        if (low > noise) != (high > noise):
+            opposite = low < 0.0 < high or high < 0.0 < low
+            speed = optimize.brentq(abscissa, before, after, xtol=1e-6) if opposite else candidate
+            yield float(speed), high > noise
+
+
+def _kronecker_sum(F: FloatArray) -> FloatArray:
+    """F (x) I + I (x) F, whose eigenvalues are the sums of any two of F."""
+    n = len(F)
+    one = np.eye(n)
+    both = F[:, None, :, None] * one[:, None] + one[:, None, :, None] * F[:, None]
+    return np.asarray(both.reshape(n * n, n * n))
 
 
 def _balance(F: FloatArray) -> FloatArray:
@@ -449,6 +510,14 @@ def transmissibility(unit: TireWheelUnit, speed: ArrayLike) -> float | FloatArra
     else:
         K = np.ones_like(omega)
     return float(K) if K.ndim == 0 else K
+
+
+def __getattr__(name: str) -> Any:
+    if name in ("StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"):
+        from . import maps  # which builds on this module
+
+        return getattr(maps, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def _check_speed(speed: float) -> None:

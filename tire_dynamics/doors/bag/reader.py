@@ -14,11 +14,11 @@ import os
 import struct
 import zlib
 from array import array
-from bisect import bisect_left
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import repeat
 from pathlib import Path, PurePath
-from typing import BinaryIO
+from typing import BinaryIO, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -29,10 +29,12 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
 
 from ..errors import InputError
+from .chunks import HEAD, heads_at
 
-__all__ = ["BagReader", "Message"]
+__all__ = ["BagReader", "Block", "Message"]
 
 _NO_TIME = 2**63 - 1  # of a file without messages
 _MAX_CHUNK = 128 * 2**20  # bytes, uncompressed; recorders write some 1 MiB
@@ -41,9 +43,12 @@ _MAX_PENDING = 128 * 2**20  # bytes held back because chunks overlap in time
 _MAX_RECORD = 16 * 2**20  # bytes of a schema, channel, statistics or metadata record
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
 _RUN = 2**16  # bytes of messages outside chunks that are read together
+_BLOCK = 16 * 2**20  # bytes of a block, beside what is held back
+_STEP = 2**16  # records that are looked at together
 
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _RECORD = struct.Struct("<BQ")  # opcode, length of the content
+_LENGTH = struct.Struct("<Q")
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, CRC, length of the compression's name
 _CHUNK_INDEX = struct.Struct("<QQQQ")  # start, end, offset, length
@@ -51,7 +56,32 @@ _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offs
 _FOOTER_LENGTH = _FOOTER.size + len(MCAP0_MAGIC)
 
 Message = tuple[str, str, int, int, bytes]
-_Pending = tuple[int, int, Message]  # log time, place in the bag, message
+_Rows = NDArray[np.int64]  # (6, N), messages: place in the bag, topic, log time, publish time, start and size of data
+_UNDECLARED, _UNWANTED = -2, -1  # instead of a topic
+
+
+class Block(NamedTuple):
+    """A stretch of a bag as columns; message ``i`` is ``data[start[i] : start[i] + size[i]]``.
+
+    Attributes
+    ----------
+    topics : tuple of str
+    topic : (N,) ndarray of int
+        Index into ``topics``.
+    log_time, publish_time : (N,) ndarray of int
+        ns since the epoch.
+    data : bytes
+        The serialised messages (CDR), among other bytes.
+    start, size : (N,) ndarray of int
+    """
+
+    topics: tuple[str, ...]
+    topic: NDArray[np.int64]
+    log_time: NDArray[np.int64]
+    publish_time: NDArray[np.int64]
+    data: bytes
+    start: NDArray[np.int64]
+    size: NDArray[np.int64]
 
 
 class _DamageError(ValueError):
@@ -153,36 +183,119 @@ class BagReader:
         InputError
             If a wanted topic is not CDR, or the file turns out to be damaged.
         """
+        for block in self.blocks(topics, in_file_order=in_file_order, least=1):
+            kinds = [(topic, self.topics[topic]) for topic in block.topics]
+            data = block.data
+            columns = (block.topic, block.log_time, block.publish_time, block.start, block.start + block.size)
+            for topic, log_time, publish_time, start, end in zip(*(c.tolist() for c in columns), strict=True):
+                yield *kinds[topic], log_time, publish_time, data[start:end]
+
+    def blocks(
+        self, topics: Iterable[str] | None = None, *, in_file_order: bool = False, least: int = 16384
+    ) -> Iterator[Block]:
+        """The same messages in the same order, many at a time.
+
+        Parameters
+        ----------
+        topics, in_file_order
+            As for ``messages``.
+        least : int
+            A block ends when it has so many messages, or some 16 MiB.
+
+        Yields
+        ------
+        Block
+            Never empty.
+
+        Raises
+        ------
+        InputError
+            As ``messages`` does, after all that stands before the damage.
+        """
         wanted = None if topics is None else frozenset(topics)
-        routes = [file.routes(wanted) for file in self._files]
+        numbers = {topic: number for number, topic in enumerate(self.topics)}
+        routes = [file.routes(wanted, numbers) for file in self._files]
         spans = np.concatenate([np.array(file.spans, np.uint64).reshape(-1, 3) for file in self._files])
         owner = np.repeat(np.arange(len(self._files)), [len(file.spans) // 3 for file in self._files])
-        pending: list[_Pending] = []
-        if in_file_order:
-            for place, (_, offset, length) in enumerate(spans.tolist()):
-                number = owner[place]
-                with _reading(self._files[number].path):
-                    pending = self._files[number].read(offset, length, routes[number], 0)
-                for _, _, message in pending:
-                    yield message
-            return
-        for place in np.argsort(spans[:, 0]):
+        stretch = _Stretch(tuple(self.topics))
+        for place in range(len(spans)) if in_file_order else np.argsort(spans[:, 0]):
             start, offset, length = (int(number) for number in spans[place])
-            number = owner[place]
-            ready = bisect_left(pending, (start,))  # what is still to come begins at start or later
-            for _, _, message in pending[:ready]:
-                yield message
-            del pending[:ready]
-            with _reading(self._files[number].path):
-                held = len(pending)
-                pending += self._files[number].read(offset, length, routes[number], int(place) << 32)
-                pending.sort()
-                if pending and pending[0][0] < start:
-                    raise _DamageError("a chunk holds messages from before its beginning")
-                if held and sum(200 + len(message[4]) for _, _, message in pending) > _MAX_PENDING:
-                    raise _DamageError("its messages are too far out of order")
-        for _, _, message in pending:
-            yield message
+            file = self._files[owner[place]]
+            stretch.release(None if in_file_order else start)  # what is still to come begins at start or later
+            if stretch.ready >= least or stretch.full:
+                yield from stretch.take()
+            try:
+                with _reading(file.path):
+                    data, rows = file.read(offset, length, routes[owner[place]])
+                    stretch.add(data, rows, int(place))
+                    if not in_file_order:
+                        stretch.sort(start)
+            except InputError:
+                yield from stretch.take()
+                raise
+        stretch.release(None)
+        yield from stretch.take()
+
+
+class _Stretch:
+    """Messages that have been read: those of the next block, and those held back until their turn is known."""
+
+    def __init__(self, topics: tuple[str, ...]) -> None:
+        self._topics = topics
+        self._done: list[_Rows] = []
+        self._held: _Rows = np.empty((6, 0), np.int64)
+        self._data: list[bytes] = []
+        self._length = 0  # of the data
+        self._limit = _BLOCK
+        self.ready = 0  # messages of the next block
+
+    @property
+    def full(self) -> bool:
+        return self._length > self._limit
+
+    def add(self, data: bytes, rows: _Rows, place: int) -> None:
+        """Hold the messages of a span."""
+        rows[0] = place
+        rows[4] += self._length
+        overlap = self._held.shape[1] > 0
+        self._held = np.concatenate([self._held, rows], axis=1) if overlap else rows
+        self._data.append(data)
+        self._length += len(data)
+        if overlap and 200 * self._held.shape[1] + int(self._held[5].sum()) > _MAX_PENDING:
+            raise _DamageError("its messages are too far out of order")
+
+    def sort(self, start: int) -> None:
+        """Sort what is held by log time and place in the bag; none may be from before ``start``."""
+        place, _, times, *_ = self._held
+        if (times[1:] < times[:-1]).any() or (place[1:] < place[:-1]).any():
+            self._held = self._held[:, np.lexsort((place, times))]
+        if self._held.shape[1] and int(self._held[2, 0]) < start:
+            raise _DamageError("a chunk holds messages from before its beginning")
+
+    def release(self, end: int | None) -> None:
+        """Add to the next block what is held from before a log time; None: all."""
+        count = self._held.shape[1] if end is None else int(np.searchsorted(self._held[2], min(end, _NO_TIME)))
+        if count:
+            self._done.append(self._held[:, :count])
+            self._held = self._held[:, count:]
+            self.ready += count
+
+    def take(self) -> Iterator[Block]:
+        """The next block, if it has messages; of its data only what is held is kept."""
+        data = b"".join(self._data)
+        held = self._held.copy()
+        if self.ready:
+            _, topic, log_time, publish_time, start, size = np.concatenate(self._done, axis=1)
+            block = Block(self._topics, topic, log_time, publish_time, data, start, size)
+        spans = zip(held[4].tolist(), (held[4] + held[5]).tolist(), strict=True)
+        self._data = [b"".join([data[start:end] for start, end in spans])]
+        held[4] = np.cumsum(held[5]) - held[5]
+        self._held, self._done = held, []
+        self._length = len(self._data[0])
+        self._limit = _BLOCK + 2 * self._length  # so that what is held for long is not copied all the time
+        if self.ready:
+            self.ready = 0
+            yield block
 
 
 def _files_of(path: Path) -> list[Path]:
@@ -254,38 +367,41 @@ class _BagFile:
         # numbers, because an hour of driving has tens of thousands of spans.
         self.spans = array("Q")
 
-    def routes(self, wanted: Collection[str] | None) -> dict[int, tuple[str, str] | None]:
-        """Channel to topic and message type; to None for a topic that is not wanted."""
-        routes: dict[int, tuple[str, str] | None] = {}
-        for channel, (topic, msgtype, encoding) in self.channels.items():
-            routes[channel] = (topic, msgtype) if wanted is None or topic in wanted else None
-            if routes[channel] and encoding != "cdr":
+    def routes(self, wanted: Collection[str] | None, numbers: Mapping[str, int]) -> NDArray[np.int64]:
+        """The number of the topic by channel; the last is for all channels beyond."""
+        routes = np.full(max(self.channels, default=-1) + 2, _UNDECLARED)
+        for channel, (topic, _, encoding) in self.channels.items():
+            routes[channel] = numbers[topic] if wanted is None or topic in wanted else _UNWANTED
+            if routes[channel] != _UNWANTED and encoding != "cdr":
                 raise InputError(f"{self.path}: {topic} is encoded as {encoding!r}; only cdr is read")
         return routes
 
-    def read(
-        self, offset: int, length: int, routes: Mapping[int, tuple[str, str] | None], place: int
-    ) -> list[_Pending]:
-        """The messages of one span, each with its place in the bag."""
+    def read(self, offset: int, length: int, routes: NDArray[np.int64]) -> tuple[bytes, _Rows]:
+        """The messages of one span."""
         with open(self.path, "rb") as file:
             file.seek(offset)
             data = _exactly(file, length)
         if data[:1] == _CHUNK_OPCODE:
             data = _chunk_records(memoryview(data)[_RECORD.size :])
-        pending: list[_Pending] = []
-        for opcode, position, end in _records(data):
-            if opcode == Opcode.MESSAGE:
-                channel, _, log_time, publish_time = _MESSAGE.unpack_from(data, position)
-                try:
-                    route = routes[channel]
-                except KeyError:
-                    raise _DamageError(f"channel {channel} is not declared") from None
-                if route:
-                    message = *route, log_time, publish_time, data[position + _MESSAGE.size : end]
-                    pending.append((log_time, place + len(pending), message))
-                    if len(pending) > _MAX_CHUNK_MESSAGES:
-                        raise _DamageError("a chunk holds too many messages")
-        return pending
+        found: list[_Rows] = [np.empty((6, 0), np.int64)]
+        count = 0
+        for messages, _ in _records(data):
+            heads = heads_at(data, messages)
+            topics = routes[np.minimum(heads["channel"], len(routes) - 1)]
+            if (topics == _UNDECLARED).any():
+                raise _DamageError(f"channel {heads['channel'][topics == _UNDECLARED][0]} is not declared")
+            take = topics != _UNWANTED
+            heads = heads[take]
+            rows = np.empty((6, len(heads)), np.int64)
+            rows[1], rows[2], rows[3] = topics[take], heads["log_time"], heads["publish_time"]
+            rows[4], rows[5] = messages[take] + HEAD.itemsize, heads["length"] - np.uint64(_MESSAGE.size)
+            if (rows[2:4] < 0).any():
+                raise _DamageError("a message is from after the year 2262")
+            found.append(rows)
+            count += len(heads)
+            if count > _MAX_CHUNK_MESSAGES:
+                raise _DamageError("a chunk holds too many messages")
+        return data, np.concatenate(found, axis=1)
 
     def _add_record(self, opcode: int, content: bytes) -> None:
         """Take in a record that describes messages, wherever it stands."""
@@ -380,13 +496,20 @@ class _BagFile:
     def _walk_chunk(self, content: memoryview) -> int:
         """Take in a chunk's channels and count its messages; the log time of the first."""
         data = _chunk_records(content)
-        start = _NO_TIME
-        for opcode, position, end in _records(data):
-            if opcode == Opcode.MESSAGE:
-                start = min(start, self._see_message(data[position : position + _MESSAGE.size]))
-            else:
-                self._add_record(opcode, data[position:end])
-        return start
+        first, count, end = _NO_TIME, 0, self.end
+        for messages, others in _records(data):
+            for opcode, position, after in others:
+                self._add_record(opcode, data[position:after])
+            heads = heads_at(data, messages)
+            for channel in np.unique(heads["channel"]).tolist():
+                if channel not in self.channels:
+                    raise _DamageError(f"channel {channel} is not declared")
+            if len(heads):
+                first, end = min(first, int(heads["log_time"].min())), max(end, int(heads["log_time"].max()))
+                count += len(heads)
+        self.count += count
+        self.start, self.end = min(self.start, first), end
+        return first
 
     def _see_message(self, head: bytes) -> int:
         channel, _, log_time, _ = _MESSAGE.unpack(head)
@@ -406,17 +529,30 @@ def _exactly(file: BinaryIO, length: int, limit: int = _MAX_CHUNK) -> bytes:
     return data
 
 
-def _records(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Opcode, position and end of the content of each record."""
-    position = 0
+def _records(data: bytes) -> Iterator[tuple[NDArray[np.int64], list[tuple[int, int, int]]]]:
+    """Where the message records are, and of every other record opcode, start and end of its content.
+
+    They come in steps, so that a chunk of nothing but tiny records does not fill the memory.
+    """
+    octets = np.frombuffer(data, np.uint8)
+    position, last = 0, len(data) - _RECORD.size
+    length_at = _LENGTH.unpack_from
     while position < len(data):
-        opcode, length = _RECORD.unpack_from(data, position)
-        position += _RECORD.size
-        end = position + length
-        if end > len(data) or (opcode == Opcode.MESSAGE and length < _MESSAGE.size):
+        starts = []
+        for _ in repeat(None, _STEP):
+            if position > last:
+                break
+            starts.append(position)
+            position += _RECORD.size + length_at(data, position + 1)[0]
+        if position > len(data) or not starts:  # only the last record can reach beyond the data
             raise _DamageError("a record does not fit")
-        yield opcode, position, end
-        position = end
+        bounds = np.array([*starts, position])
+        places = bounds[:-1]
+        is_message = octets[places] == Opcode.MESSAGE
+        if (np.diff(bounds)[is_message] < HEAD.itemsize).any():
+            raise _DamageError("a record does not fit")
+        others = np.flatnonzero(~is_message).tolist()
+        yield places[is_message], [(data[starts[i]], starts[i] + _RECORD.size, int(bounds[i + 1])) for i in others]
 
 
 def _chunk_records(content: memoryview) -> bytes:

@@ -1,4 +1,4 @@
-"""Writes rosbag2 bags, through the mcap library."""
+"""Writes rosbag2 bags."""
 
 from __future__ import annotations
 
@@ -6,16 +6,18 @@ import functools
 import os
 import re
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, BinaryIO
 
+import numpy as np
 import yaml
-from mcap.writer import CompressionType, Writer
+from numpy.typing import ArrayLike
 
 from ..errors import InputError
+from .chunks import ChunkWriter
 
 __all__ = ["BagWriter", "load_message_definitions"]
 
@@ -34,7 +36,6 @@ _QOS: dict[str, dict[str, Any]] = {
     }
     for name, depth, reliability in (("default", 10, "reliable"), ("sensor_data", 5, "best_effort"))
 }
-_COMPRESSION = {"": CompressionType.NONE, "lz4": CompressionType.LZ4, "zstd": CompressionType.ZSTD}
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
 
@@ -68,8 +69,8 @@ class BagWriter:
         Write to a hidden folder beside ``folder`` and rename it when it is whole, so that ``folder`` is never
         half a bag. Without it the file grows in place, and what was flushed survives the process.
     chunk_size : int
-        Bytes of messages that are compressed and written together. A small chunk is quickly done (1-2 ms for
-        the default), a large one compresses better and needs less index.
+        Bytes of messages that are compressed and written together. A small chunk is quickly done (well below
+        1 ms for the default), a large one needs less index.
     compression : str
         "zstd", "lz4" or "" for none.
     metadata : mapping of str to mapping of str to str
@@ -108,7 +109,7 @@ class BagWriter:
                 _remove_bag(self.folder)
             self._work.mkdir(parents=True)
             self._file = open(self._work / self._file_name, "xb")
-            self._mcap = Writer(self._file, chunk_size, _COMPRESSION[compression])
+            self._mcap = self._open_mcap(self._file, chunk_size, compression)
             self._mcap.start("ros2", "tire_dynamics")
             for record, content in (metadata or {}).items():
                 self._mcap.add_metadata(record, dict(content))
@@ -118,6 +119,10 @@ class BagWriter:
             if aside:
                 shutil.rmtree(self._work, ignore_errors=True)
             raise
+
+    def _open_mcap(self, file: BinaryIO, chunk_size: int, compression: str) -> ChunkWriter:
+        """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
+        return ChunkWriter(file, chunk_size, compression)
 
     def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data") -> int:
         """Declare a topic.
@@ -186,6 +191,38 @@ class BagWriter:
             self._start = log_time_ns
         if log_time_ns > self._end:
             self._end = log_time_ns
+
+    def write_block(
+        self, topic: ArrayLike, log_time_ns: ArrayLike, publish_time_ns: ArrayLike, payloads: Sequence[bytes]
+    ) -> None:
+        """Write messages; the file is the same as if each had gone through ``write``, in a fraction of the time.
+
+        Parameters
+        ----------
+        topic : (N,) or () array_like of int
+            What ``add_topic`` returned.
+        log_time_ns, publish_time_ns : (N,) or () array_like of int
+            As for ``write``.
+        payloads : sequence of N bytes
+            The serialised messages.
+
+        Raises
+        ------
+        ValueError
+            If a time is negative, or a topic is none; nothing is written then.
+        """
+        if not payloads:
+            return
+        log_times, publish_times = np.asarray(log_time_ns, np.int64), np.asarray(publish_time_ns, np.int64)
+        topics = np.broadcast_to(np.asarray(topic, np.int64), len(payloads))
+        start, end = int(log_times.min()), int(log_times.max())
+        if start < 0 or publish_times.min() < 0:
+            raise ValueError(f"log_time_ns {start}, publish_time_ns {publish_times.min()}: below 0")
+        counts = np.bincount(topics - 1, minlength=len(self._counts)).tolist()
+        counts = [known + count for known, count in zip(self._counts, counts, strict=True)]
+        self._mcap.add_block(topics, log_times, publish_times, payloads)
+        self._counts = counts
+        self._start, self._end = min(self._start, start), max(self._end, end)
 
     def flush(self) -> None:
         """Finish the chunk and hand all that was written to the operating system.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import matplotlib
 import numpy as np
@@ -33,6 +33,7 @@ from .tables import (
     hybrid_critical_speed,
 )
 
+T = TypeVar("T")  # a table, or what else is drawn
 WIDTH = 6.6  # of every figure [in]
 STYLE: dict[Any, Any] = {
     "figure.constrained_layout.use": True,
@@ -70,7 +71,7 @@ DAMPING_TITLES = {MODAL: "Modal damping, as in the paper", REACTION: "Damping wi
 MODE_NAMES = dict(zip(WHEEL_MODES, ("wheel hop", "ring fore-aft", "ring vertical"), strict=True))
 
 
-def save(path: Path, draw: Callable[[Table], Figure], table: Table) -> None:
+def save(path: Path, draw: Callable[[T], Figure], table: T) -> None:
     """Draw a table and write the figure as PNG."""
     with matplotlib.rc_context():
         matplotlib.rcdefaults()  # whatever the user's own style is

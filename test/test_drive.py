@@ -1,0 +1,247 @@
+"""Many events at once give the bits of the same events one by one, whatever they are, on both kernels."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tire_dynamics import TireWheelUnit
+from tire_dynamics.estimator.vehicle import Events, Vehicle, VehicleSettings
+from tire_dynamics.science import kernels
+
+MS = 1_000_000  # ns
+NOW = 1_800_000_000_000_000_000
+UNIT = TireWheelUnit.table_1(sidewall_damping="reaction", contact_half_angle=0.1)
+NAMES = ("left", "right", "third")
+
+
+def kernel_modules():
+    yield "numpy", kernels
+    try:
+        from tire_dynamics.science import compiled
+    except ImportError:
+        return
+    yield "compiled", compiled
+
+
+KERNELS = dict(kernel_modules())
+
+
+def settings_of(model="inextensional", **changes):
+    return VehicleSettings(
+        UNIT, NAMES, NAMES, period=2 * MS, ring_period=6 * MS, ring_samples=7, n_max=5, model=model,
+        input_timeout=20 * MS, max_speed=500.0, max_load=50e3, **changes,
+    )  # fmt: skip
+
+
+# An event: kind, and what it takes. Times of receipt are those of the last tick plus something below a period.
+def random_events(rng, number, *, irregular):
+    """Ticks, speeds and loads as a node gets them, in order of receipt; ``irregular`` is the share of odd ones."""
+    now, events, stamp = NOW, [], {}
+    for _ in range(number):
+        now += int(rng.integers(1, MS))
+        kind = rng.choice(["tick", "joints", "speed", "load"], p=[0.3, 0.15, 0.15, 0.4])
+        wheel = int(rng.integers(len(NAMES)))
+        odd = rng.random() < irregular
+        s = now - int(rng.integers(0, 3 * MS))
+        s = max(s, stamp.get((kind, wheel), 0) + 1)
+        if odd:
+            s = int(rng.choice([0, now + 30 * MS, s - 5 * MS, stamp.get((kind, wheel), now), now - 25 * MS]))
+        stamp[kind, wheel] = s
+        value = float(rng.normal(100.0, 20.0))
+        if odd and rng.random() < 0.5:
+            value = float(rng.choice([np.nan, np.inf, -np.inf, 1e9, -3.0, 0.0, -0.0]))
+        if kind == "tick":
+            step = -int(rng.integers(0, 5 * MS)) if odd and rng.random() < 0.1 else 0
+            events.append(("tick", now + step))
+        elif kind == "joints":
+            names = NAMES if not odd else (*NAMES[::-1], "arm", NAMES[0])[: int(rng.integers(1, 6))]
+            count = len(names) - (odd and rng.random() < 0.3)
+            events.append(("joints", now, s, tuple(names), (value + np.arange(count)).tolist()))
+        elif kind == "speed":
+            events.append(("speed", wheel, now, value))
+        else:
+            events.append(("load", wheel, now, s, 40.0 * value, 3.0 * value if not odd else value))
+    return events
+
+
+def one_by_one(vehicle, events):
+    seen = []
+    for number, (kind, *values) in enumerate(events):
+        if kind == "tick":
+            outputs = vehicle.tick(values[0])
+            seen += [(number, "force", *output) for output in outputs]
+            seen += [(number, "belt", belt.wheel, belt.deflection.tobytes()) for belt in vehicle.belts()]
+        elif kind == "joints":
+            received, stamp, names, speeds = values
+            vehicle.joint_states(received, stamp, names, speeds)
+        elif kind == "speed":
+            vehicle.wheel_speed(*values)
+        else:
+            vehicle.load(*values)
+    return seen
+
+
+def columns_of(events, first):
+    """The same events as the columns that ``Vehicle.drive`` takes."""
+    rows = [(first + number, *event) for number, event in enumerate(events)]
+    ints = lambda values: np.array(list(values), np.int64)  # noqa: E731
+    ticks = [row for row in rows if row[1] == "tick"]
+    groups = {}
+    for row in rows:
+        if row[1] == "joints":
+            groups.setdefault((row[4], len(row[5])), []).append(row)
+    joints = [
+        (names, ints(r[0] for r in group), ints(r[2] for r in group), ints(r[3] for r in group),
+         np.array([r[5] for r in group], float).reshape(len(group), count))
+        for (names, count), group in groups.items()
+    ]  # fmt: skip
+    speeds, loads = [], []
+    for wheel in range(len(NAMES)):
+        mine = [row for row in rows if row[1] == "speed" and row[2] == wheel]
+        speeds.append((ints(r[0] for r in mine), ints(r[3] for r in mine), np.array([r[4] for r in mine], float)))
+        mine = [row for row in rows if row[1] == "load" and row[2] == wheel]
+        values = np.array([r[5:7] for r in mine], float).reshape(-1, 2)
+        loads.append((ints(r[0] for r in mine), ints(r[3] for r in mine), ints(r[4] for r in mine), values))
+    return Events(ints(r[0] for r in ticks), ints(r[2] for r in ticks), joints, speeds, loads)
+
+
+def at_once(vehicle, events, rng, tally=None):
+    """In stretches of random lengths; those that cannot be taken at once one by one."""
+    seen, first = [], 0
+    while first < len(events):
+        stretch = events[first : first + int(rng.integers(1, 60))]
+        columns = columns_of(stretch, first)
+        before = state_of(vehicle)
+        outputs = vehicle.drive(columns)
+        if tally is not None:
+            tally[outputs is not None] += 1
+        if outputs is None:
+            assert state_of(vehicle) == before
+            seen += [(first + number, *rest) for number, *rest in one_by_one(vehicle, stretch)]
+        else:
+            belts = dict(zip(outputs.shown.tolist(), outputs.belts, strict=True))
+            for tick, place in enumerate(columns.tick_place.tolist()):
+                for wheel, force in zip(outputs.wheels, outputs.forces[tick].tolist(), strict=True):
+                    seen.append((place, "force", wheel, *force))
+                for wheel, belt in zip(outputs.wheels, belts.get(tick, ()), strict=tick in belts):
+                    seen.append((place, "belt", wheel, belt.tobytes()))
+        first += len(stretch)
+    return seen
+
+
+def state_of(vehicle):
+    """What later outputs and the diagnostics depend on, without taking up the steps that wait."""
+    return json.dumps(
+        [
+            [schedule.snapshot(), schedule.counts, schedule.stops, schedule.divergences]
+            for schedule in vehicle.schedules
+        ]
+        + [vehicle.time, vehicle.message_counts],
+        sort_keys=True,
+    )
+
+
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+@pytest.mark.parametrize("kernel", KERNELS)
+@settings(max_examples=15)
+@given(seed=st.integers(0, 2**32 - 1), irregular=st.sampled_from([0.0, 0.0, 0.01, 0.1]))
+def test_at_once_is_one_by_one(model, kernel, seed, irregular):
+    rng = np.random.default_rng(seed)
+    events = random_events(rng, 300, irregular=irregular)
+    single, many = Vehicle(settings_of(model), kernels), Vehicle(settings_of(model), KERNELS[kernel])
+    expected = one_by_one(single, events)
+    assert at_once(many, events, rng) == expected
+    assert state_of(many) == state_of(single)
+    assert many.snapshot() == single.snapshot()
+
+
+@pytest.mark.parametrize("missing", ["left", "all loads"])
+def test_a_wheel_that_waits_for_an_input_holds_nobody_up(missing):
+    """The others are driven at once beside it."""
+    rng = np.random.default_rng(5)
+    events = [
+        event
+        for event in random_events(rng, 2000, irregular=0.0)
+        if not (event[0] == "load" and (missing == "all loads" or event[1] == 0))
+    ]
+    single, many, tally = Vehicle(settings_of(), kernels), Vehicle(settings_of(), kernels), [0, 0]
+    assert at_once(many, events, rng, tally) == one_by_one(single, events)
+    assert state_of(many) == state_of(single)
+    assert tally[True] > 3 * tally[False]
+
+
+def test_regular_events_are_driven_at_once():
+    rng = np.random.default_rng(11)
+    tally = [0, 0]
+    at_once(Vehicle(settings_of(), kernels), random_events(rng, 3000, irregular=0.0), rng, tally)
+    assert tally[True] > 5 * tally[False]  # the others: the start, and stretches of a few events without a tick
+
+
+def test_a_motion_that_diverges_is_left_to_the_single_calls():
+    """Beyond its stability limit a wheel grows until it is given up, at the same tick either way."""
+    unit = TireWheelUnit.table_1(sidewall_damping="reaction", zeta_s=0.0)
+    rng = np.random.default_rng(2)
+    events = []
+    for k in range(1500):
+        now = NOW + k * 2 * MS
+        events += [("speed", wheel, now, 2500.0) for wheel in range(3)]
+        events += [("load", wheel, now, now, 4000.0 + wheel + k % 7, 0.0) for wheel in range(3)]
+        events.append(("tick", now))
+    wild = VehicleSettings(unit, NAMES, NAMES, ring_samples=7, n_max=3, max_speed=3000.0)
+    single, many = Vehicle(wild, kernels), Vehicle(wild, kernels)
+    assert at_once(many, events, rng) == one_by_one(single, events)
+    assert single.schedules[0].divergences > 0
+    assert state_of(many) == state_of(single)
+
+
+@pytest.mark.skipif(len(KERNELS) == 1, reason="Numba is not installed: the extra `fast` brings it")
+@settings(max_examples=60)
+@given(seed=st.integers(0, 2**32 - 1), complete=st.booleans())
+def test_compiled_kernels_have_the_same_bits(seed, complete):
+    """Random numbers through each of them, sizes and signs mixed."""
+    rng = np.random.default_rng(seed)
+    compiled = KERNELS["compiled"]
+    n, m, J, W, T = (10 if complete else 6), 2, 5, 3, 6
+    table = rng.normal(size=(J, 4, (n + m) * n))
+    table[0] = 0.0
+    table[0, 0, : n * n] = np.eye(n).ravel()  # a step of no length changes nothing
+    speeds = rng.uniform(-1.0, 1.0, 9)
+    found = [module.series(table, speeds) for module in (kernels, compiled)]
+    assert np.array_equal(*found)
+
+    counts = rng.integers(0, 4, (T, W))
+    begin = np.concatenate([[0], np.cumsum(counts.sum(axis=0))[:-1]])
+    stop = begin + np.cumsum(counts, axis=0)
+    steps = int(counts.sum())
+    arrays = (
+        found[0].reshape(9, J, n + m, n), rng.integers(0, 9, steps), rng.uniform(0.0, 1.0, steps),
+        rng.integers(0, 4, steps), rng.normal(size=(steps, m)), rng.normal(size=steps) * complete, begin, stop,
+    )  # fmt: skip
+    state = rng.normal(size=(W, n))
+    states = [state.copy(), state.copy()]
+    found = [module.advance_first(one, *arrays) for module, one in zip((kernels, compiled), states, strict=True)]
+    assert np.array_equal(*found) and np.array_equal(*states)
+
+    N, k, S, C, G = 4, (4 if complete else 2), 3, 2, 8
+    sizes = rng.integers(0, 4, G)
+    bounds = np.concatenate([[0], np.cumsum(sizes)])
+    arrays = (
+        rng.normal(size=(2, S, N, k)) * 10.0 ** rng.integers(-3, 4), rng.normal(size=(2, S, N, k, 2)),
+        rng.normal(size=(2, C, N, k, k)), rng.normal(size=(2, C, N, k)), rng.integers(0, S, G),
+        rng.integers(-1, C, G), np.where(rng.random(G) < 0.5, np.arange(G), -1), bounds, np.array([0, 3, 3, G]),
+        rng.uniform(0.0, 30.0, bounds[-1]), rng.normal(size=(bounds[-1], 2)),
+    )  # fmt: skip
+    arrays[0][0] = -np.abs(arrays[0][0])  # decaying, or the numbers grow beyond all bounds
+    own = rng.normal(size=(2, W, N, k))
+    owns, outputs = [own.copy(), own.copy()], [np.zeros((2, G, N, k)), np.zeros((2, G, N, k))]
+    for module, one, output in zip((kernels, compiled), owns, outputs, strict=True):
+        module.advance_modes(one, *arrays, output)
+    assert np.array_equal(*owns) and np.array_equal(*outputs)
+
+    amplitudes, basis = rng.normal(size=(5, 2, 8)), rng.normal(size=(8, 7))
+    assert np.array_equal(kernels.deflections(amplitudes, basis), compiled.deflections(amplitudes, basis))

@@ -1,0 +1,365 @@
+"""When what is in force: the samples of one wheel, and the steps through time that they make."""
+
+from __future__ import annotations
+
+import math
+import operator
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Outcome", "Plan", "Samples", "Schedule", "Stretch"]
+
+Outcome = Literal["taken", "late", "repeated", "out of order", "not finite"]
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_FOR_EVER: Final = 2**62  # [ns]
+_NEVER: Final = 2**70
+
+
+class _Sample(NamedTuple):
+    stamp: int
+    values: tuple[float, ...]
+
+
+class _Input:
+    """The samples of one kind: the one in force, and those whose time is yet to come."""
+
+    def __init__(self) -> None:
+        self.in_force: _Sample | None = None
+        self.waiting: list[_Sample] = []  # ascending stamps, none twice
+
+    def add(self, sample: _Sample, time: int | None) -> Outcome:
+        if not all(map(math.isfinite, sample.values)):
+            return "not finite"
+        if time is None or sample.stamp > time:
+            if not self.waiting or sample.stamp > self.waiting[-1].stamp:
+                self.waiting.append(sample)
+                return "taken"
+            place = bisect_left(self.waiting, sample.stamp, key=_stamp)
+            if self.waiting[place].stamp == sample.stamp:
+                self.waiting[place] = sample
+                return "repeated"
+            self.waiting.insert(place, sample)
+            return "taken"
+        if self.in_force is not None and sample.stamp < self.in_force.stamp:
+            return "out of order"
+        outcome: Outcome = "late"
+        if self.in_force is not None and sample.stamp == self.in_force.stamp:
+            outcome = "repeated"
+        self.in_force = sample
+        return outcome
+
+    @property
+    def next_stamp(self) -> int:
+        return self.waiting[0].stamp if self.waiting else _NEVER
+
+    def let_in(self, stamp: int) -> None:
+        """Put the waiting sample of this stamp, if there is one, in force."""
+        if self.waiting and self.waiting[0].stamp == stamp:
+            self.in_force = self.waiting.pop(0)
+
+    def snapshot(self) -> list[Any]:
+        return [self.in_force, list(self.waiting)]
+
+    def restore(self, snapshot: list[Any]) -> None:
+        in_force, waiting = snapshot
+        self.in_force = _sample(*in_force) if in_force else None
+        self.waiting = [_sample(*sample) for sample in waiting]
+
+
+def _sample(stamp: int, values: Sequence[float]) -> _Sample:
+    # a negative zero becomes a positive one, lest equal inputs differ in their bits
+    return _Sample(operator.index(stamp), tuple(float(value) + 0.0 for value in values))
+
+
+def _stamp(sample: _Sample) -> int:
+    return sample.stamp
+
+
+class Plan(NamedTuple):
+    """What a wheel does until a moment: it may start anew, and then goes through steps, if it is in motion.
+
+    A step is its length [ns], and the speed [rad/s], the load and the traction [N] that are held over it.
+    """
+
+    start: tuple[float, float, float] | None
+    steps: list[tuple[int, float, float, float]]
+
+
+class Samples(NamedTuple):
+    """Samples of one kind in the order of their receipt; ``after`` is the number of ticks that came before each."""
+
+    after: IntArray
+    stamp: IntArray
+    values: FloatArray  # (N, 1) or (N, 2)
+
+
+class Stretch(NamedTuple):
+    """Steps over several ticks: lengths [ns], speeds [rad/s], forces [N] (I, 2), and steps done by each tick (T,).
+
+    ``speed_at`` and ``load_at`` are in force at the ticks.
+    """
+
+    length: IntArray
+    speed: FloatArray
+    force: FloatArray
+    done: IntArray
+    speed_at: FloatArray
+
+
+class Schedule:
+    """The inputs of one wheel through time; :class:`~.wheel_estimator.WheelEstimator` says what happens to a sample.
+
+    Parameters
+    ----------
+    timeout : int or None
+        Age [ns] beyond which an input is no longer believed.
+    unstable : callable
+        Whether the unit is unstable at a speed [rad/s].
+    """
+
+    def __init__(self, timeout: int | None, unstable: Callable[[float], bool]) -> None:
+        self.timeout = timeout if timeout is not None else _FOR_EVER
+        self.counts: Counter[str] = Counter()
+        self.stops = 0  # for inputs that were too old
+        self.divergences = 0
+        self._unstable = unstable
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget every sample and the time."""
+        self.time: int | None = None
+        self.running = False
+        self._diverged = False
+        self._speed = _Input()
+        self._load = _Input()
+
+    def add_speed(self, stamp: int, speed: float) -> Outcome:
+        """Take a sample of the spin [rad/s]."""
+        outcome = self._speed.add(_sample(stamp, (speed,)), self.time)
+        self.counts[outcome] += 1
+        return outcome
+
+    def add_load(self, stamp: int, load: float, traction: float) -> Outcome:
+        """Take a sample of the load and the traction [N]."""
+        outcome = self._load.add(_sample(stamp, (load, traction)), self.time)
+        self.counts[outcome] += 1
+        return outcome
+
+    def plan(self, stamp: int) -> Plan:
+        """Go on to a time [ns]; ``ValueError`` if it lies before the one reached already."""
+        start: tuple[float, float, float] | None = None
+        steps: list[tuple[int, float, float, float]] = []
+        if self.time is not None:
+            if stamp < self.time:
+                raise ValueError(f"stamp is {stamp}; the estimator has already reached {self.time}")
+            if not self.running and self._starts(self.time):  # with what came late
+                start = (self.speed, *self.load)
+        while True:
+            coming = min(self._speed.next_stamp, self._load.next_stamp)
+            moment = min(coming, stamp)
+            if self.running and self.time is not None:
+                if moment > self._expiry():
+                    self.running = False
+                    self.stops += 1
+                elif moment > self.time:
+                    steps.append((moment - self.time, self.speed, *self.load))
+            self.time = moment
+            if coming > stamp:
+                return Plan(start, steps)
+            self._speed.let_in(moment)
+            self._load.let_in(moment)
+            if not self.running and self._starts(moment):
+                start, steps = (self.speed, *self.load), []
+
+    def _starts(self, moment: int) -> bool:
+        if moment > self._expiry() or self._diverged and self._unstable(self.speed):
+            return False
+        self._diverged = False
+        self.running = True
+        return True
+
+    def _expiry(self) -> int:
+        """The last moment at which both inputs are believed; before all times while one is missing."""
+        speed, load = self._speed.in_force, self._load.in_force
+        if speed is None or load is None:
+            return -_NEVER
+        return min(speed.stamp, load.stamp) + self.timeout
+
+    def give_up(self) -> None:
+        """Stop because the motion diverged."""
+        self.running, self._diverged = False, True
+        self.divergences += 1
+
+    # -- many ticks at once ---------------------------------------------------------------------------------
+
+    def stretch(self, ticks: IntArray, speeds: Samples, loads: Samples) -> Stretch | None:
+        """What :meth:`add_speed`, :meth:`add_load` and :meth:`plan` would do, tick after tick.
+
+        Parameters
+        ----------
+        ticks : ndarray of int, shape (T,)
+            Ascending times [ns].
+        speeds, loads : Samples
+            All finite.
+
+        Returns
+        -------
+        Stretch or None
+            None if something would happen in it that is not a step: then nothing has changed, and the samples and
+            ticks have to be taken one by one.
+        """
+        if not self.running or self.time is None or not ticks.size or ticks[0] < self.time:
+            return None
+        before = np.concatenate([[self.time], ticks])
+        speed, load = _in_force(self._speed, speeds, before), _in_force(self._load, loads, before)
+        if speed is None or load is None:
+            return self._one_by_one(ticks, speeds, loads)
+        moments = np.unique(np.concatenate([before, speed.since[1:], load.since[1:]]))
+        moments = moments[: np.searchsorted(moments, ticks[-1], side="right")]
+        began, ended = moments[:-1], moments[1:]
+        at = [np.searchsorted(each.since, began, side="right") - 1 for each in (speed, load)]
+        oldest = np.minimum(speed.stamp[at[0]], load.stamp[at[1]])
+        if (ended - oldest > self.timeout).any():
+            return None
+        result = Stretch(
+            ended - began,
+            speed.values[at[0], 0],
+            load.values[at[1]],
+            np.searchsorted(ended, ticks, side="right"),
+            speed.values[speed.at_tick, 0],
+        )
+        for kept, each, samples in ((self._speed, speed, speeds), (self._load, load, loads)):
+            self.counts["late"] += each.late
+            self.counts["taken"] += samples.stamp.size - each.late
+            rest = zip(each.stamp[each.last :].tolist(), each.values[each.last :].tolist(), strict=True)
+            kept.in_force, *kept.waiting = (_Sample(stamp, tuple(values)) for stamp, values in rest)
+        self.counts += Counter()  # without those that are zero
+        self.time = int(ticks[-1])
+        return result
+
+    def idle(self, ticks: IntArray, speeds: Samples, loads: Samples) -> bool:
+        """The same for a wheel at rest that stays so for want of one input; whether it is one."""
+        for known, samples in ((self._speed, speeds), (self._load, loads)):
+            if not self.running and known.in_force is None and not known.waiting and not samples.stamp.size:
+                return self._one_by_one(ticks, speeds, loads) is not None
+        return False
+
+    def _one_by_one(self, ticks: IntArray, speeds: Samples, loads: Samples) -> Stretch | None:
+        """:meth:`stretch` for samples whose stamps do not ascend."""
+        kept, running = self.keep(), self.running
+        steps: list[tuple[int, float, float, float]] = []
+        done, speed_at = [], []
+        samples = [(after, 0, k) for k, after in enumerate(speeds.after.tolist())]
+        samples += [(after, 1, k) for k, after in enumerate(loads.after.tolist())]
+        samples.sort(reverse=True)
+        for tick, stamp in enumerate([*ticks.tolist(), None]):
+            while samples and samples[-1][0] <= tick:
+                _, kind, k = samples.pop()
+                if kind:
+                    self.add_load(int(loads.stamp[k]), *loads.values[k].tolist())
+                else:
+                    self.add_speed(int(speeds.stamp[k]), *speeds.values[k].tolist())
+            if stamp is None:
+                break
+            plan = self.plan(stamp)
+            if plan.start is not None or self.running != running:
+                self.put_back(kept)
+                return None
+            steps += plan.steps
+            done.append(len(steps))
+            speed_at.append(self.speed)
+        columns = np.array(steps, dtype=np.float64).reshape(-1, 4)
+        return Stretch(
+            columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2:], np.array(done, np.int64), np.array(speed_at)
+        )
+
+    # -- what can be read -----------------------------------------------------------------------------------
+
+    def ages(self) -> tuple[int | None, int | None]:
+        """Ages [ns] of the speed and of the load in force, None where there is none."""
+        speed, load = self._speed.in_force, self._load.in_force
+        if self.time is None:
+            return None, None
+        return (
+            self.time - speed.stamp if speed is not None else None,
+            self.time - load.stamp if load is not None else None,
+        )
+
+    @property
+    def speed(self) -> float:
+        """Spin in force [rad/s]."""
+        sample = self._speed.in_force
+        return sample.values[0] if sample is not None else 0.0
+
+    @property
+    def load(self) -> tuple[float, float]:
+        """Vertical load and traction in force [N]."""
+        sample = self._load.in_force
+        return (sample.values[0], sample.values[1]) if sample is not None else (0.0, 0.0)
+
+    def keep(self) -> Any:
+        """Everything, for :meth:`put_back`."""
+        return self.snapshot(), self.counts.copy(), self.stops, self.divergences
+
+    def put_back(self, kept: Any) -> None:
+        """Be as when it was kept."""
+        snapshot, self.counts, self.stops, self.divergences = kept
+        self.restore(snapshot)
+
+    def snapshot(self) -> dict[str, Any]:
+        """Everything that later results depend on, in JSON's types."""
+        return {
+            "time": self.time,
+            "running": self.running,
+            "diverged": self._diverged,
+            "speed": self._speed.snapshot(),
+            "load": self._load.snapshot(),
+        }
+
+    def restore(self, snapshot: Mapping[str, Any]) -> None:
+        """Take over a :meth:`snapshot`."""
+        self.time = None if snapshot["time"] is None else operator.index(snapshot["time"])
+        self.running = snapshot["running"]
+        self._diverged = snapshot["diverged"]
+        self._speed.restore(snapshot["speed"])
+        self._load.restore(snapshot["load"])
+
+
+class _InForce(NamedTuple):
+    """Samples of one kind, the one in force before them first: since when each is in force (in order, not ascending
+    strictly), which is in force at each tick, which after the last, and how many came late."""
+
+    stamp: IntArray
+    values: FloatArray
+    since: IntArray
+    at_tick: IntArray
+    last: int
+    late: int
+
+
+def _in_force(known: _Input, samples: Samples, before: IntArray) -> _InForce | None:
+    """None unless every stamp is later than all before it: then samples are in force in the order of their receipt."""
+    if known.in_force is None:
+        return None
+    held = [known.in_force, *known.waiting]
+    stamp = np.concatenate([np.array([each.stamp for each in held], np.int64), samples.stamp])
+    if not (stamp[1:] > stamp[:-1]).all():
+        return None
+    values = np.concatenate([np.array([each.values for each in held]), samples.values + 0.0])
+    received = np.concatenate([np.zeros(len(held), np.int64), samples.after])
+    arrived = before[received]  # the time that had been reached
+    since = np.maximum(stamp, arrived)
+    late = since == arrived
+    late[: len(held)] = False
+    # What comes late is in force from the time that has been reached, and not yet in what was put out then.
+    ticks = before[1:]
+    number = np.searchsorted(2 * (since - before[0]) + late, 2 * (ticks - before[0]), side="right")
+    last = int(np.searchsorted(since, ticks[-1], side="right")) - 1
+    return _InForce(stamp, values, since, number - 1, last, int(late.sum()))

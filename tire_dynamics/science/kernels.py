@@ -1,0 +1,321 @@
+"""The loops that carry wheels through time, on NumPy; compiled.py has them once more, with the same bits.
+
+Several wheels are stepped together, and what one wheel needs beside the others is in flat arrays, wheel after wheel.
+Every sum is taken in one order, so that neither the number of wheels nor the length of the stretch changes a bit.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .elementary import growth
+
+__all__ = ["advance_first", "advance_modes", "deflections", "series", "whirl_changes", "whirls"]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+_TOGETHER, _SPEEDS_TOGETHER = 64, 16  # what is summed at once, so that it stays in the cache
+
+
+def series(table: FloatArray, speed: FloatArray) -> FloatArray:
+    """Taylor coefficients of transitions at speeds, from those in step and speed.
+
+    Parameters
+    ----------
+    table : ndarray, shape (J, K, R)
+    speed : ndarray, shape (S,)
+        In units of the table's top speed.
+
+    Returns
+    -------
+    ndarray, shape (S, J, R)
+    """
+    result = np.empty((speed.size, table.shape[0], table.shape[2]))
+    for first in range(0, speed.size, _SPEEDS_TOGETHER):
+        block = slice(first, first + _SPEEDS_TOGETHER)
+        power = np.ones_like(speed[block])
+        total = result[block]
+        total[:] = table[:, 0]
+        for k in range(1, table.shape[1]):
+            power = power * speed[block]
+            total += power[:, None, None] * table[:, k]
+    return result
+
+
+def advance_first(
+    state: FloatArray,
+    coefficients: FloatArray,
+    which: IntArray,
+    length: FloatArray,
+    doublings: IntArray,
+    force: FloatArray,
+    jump: FloatArray,
+    begin: IntArray,
+    stop: IntArray,
+) -> FloatArray:
+    """The n = 1 motion and the wheel's over a stretch of time, under inputs that are held over each step.
+
+    Parameters
+    ----------
+    state : ndarray, shape (W, n)
+        Changed in place.
+    coefficients : ndarray, shape (S, J, n + m, n)
+        Taylor coefficients of transposed [Phi G_0] in the step's length, at S speeds (:func:`series`).
+    which : ndarray of int, shape (I,)
+        Coefficients of each step.
+    length : ndarray, shape (I,)
+        In the table's unit, after halving ``doublings`` times.
+    doublings : ndarray of int, shape (I,)
+    force : ndarray, shape (I, m)
+    jump : ndarray, shape (I,)
+        Change of the speed before the step [rad/s] where the state has Euler terms (n = 10); otherwise zero.
+    begin : ndarray of int, shape (W,)
+        First step of each wheel.
+    stop : ndarray of int, shape (T, W)
+        The step behind the last that ends at or before each of T ticks.
+
+    Returns
+    -------
+    ndarray, shape (T, W, n)
+        The states at the ticks.
+    """
+    T, W = stop.shape
+    n = state.shape[1]
+    before = np.concatenate([begin[None, :], stop[:-1]])
+    rounds = (stop - before).max(axis=1, initial=0)
+    states = np.empty((T, W, n))
+    tick = np.repeat(np.arange(T), rounds)
+    turn = np.arange(tick.size) - np.repeat(np.cumsum(rounds) - rounds, rounds)
+    step = before[tick] + turn[:, None]  # (rounds, W)
+    idle = step >= stop[tick]  # a wheel that waits for the others: a step of no length changes nothing
+    any_idle, jumps = bool(idle.any()), bool(jump.any())
+    if any_idle:
+        step = np.where(idle, 0, step)
+    lengths, doubled, forces = length[step], doublings[step], force[step]
+    if any_idle:
+        lengths, doubled = np.where(idle, 0.0, lengths), np.where(idle, 0, doubled)
+    last_of_tick = np.append(tick[1:] != tick[:-1], True)
+    together = max(1, _TOGETHER // W)
+    at = 0
+    if tick.size and tick[0]:
+        states[: tick[0]] = state
+    for first in range(0, tick.size, together):
+        block = slice(first, first + together)
+        transitions = _transitions(coefficients[which[step[block]]], lengths[block], doubled[block], n)
+        for k, transition in enumerate(transitions, first):
+            if jumps:
+                _euler(state, np.where(idle[k], 0.0, jump[step[k]]))
+            z = np.concatenate([state, forces[k]], axis=1)
+            np.add.reduce(transition * z[:, :, None], axis=1, out=state)
+            state += 0.0  # no negative zeros
+            if last_of_tick[k]:
+                at = tick[k]
+                states[at : tick[k + 1] if k + 1 < tick.size else T] = state
+    if not tick.size:
+        states[:] = state
+    return states
+
+
+def _transitions(coefficients: FloatArray, length: FloatArray, doublings: IntArray, n: int) -> FloatArray:
+    """Transposed [Phi G_0], shape (..., n + m, n), from coefficients of shape (..., J, n + m, n)."""
+    power = np.empty((*length.shape, coefficients.shape[-3]))
+    power[..., 0], power[..., 1:] = 1.0, length[..., None]
+    np.multiply.accumulate(power, axis=-1, out=power)
+    total: FloatArray = np.add.reduce(coefficients * power[..., None, None], axis=-3)
+    for more in range(int(doublings.max(initial=0))):
+        squared = total[..., :, :1] * total[..., None, 0, :n]
+        for j in range(1, n):
+            squared += total[..., :, j : j + 1] * total[..., None, j, :n]
+        squared[..., n:, :] += total[..., n:, :]
+        total = np.where((doublings > more)[..., None, None], squared, total)
+    return total
+
+
+def _euler(state: FloatArray, change: FloatArray) -> None:
+    """The jump of the complete model's state (X', Y', U', V', y', X, Y, U, V, y) with the speed."""
+    stretch, shear = change * (state[:, 5] + state[:, 8]), change * (state[:, 6] - state[:, 7])
+    state[:, 0] -= shear
+    state[:, 1] += stretch
+    state[:, 2] -= stretch
+    state[:, 3] -= shear
+
+
+def whirls(
+    turning: FloatArray,
+    twist: FloatArray,
+    stiffness: FloatArray,
+    damping: FloatArray,
+    radial: FloatArray,
+    tangential: FloatArray,
+    force: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """The eigenvalues of V' = i w V - (d + 2 i g) V - k Z + r f, Z' = V + i w Z, and what goes with them.
+
+    Parameters
+    ----------
+    turning, twist, stiffness : ndarray, shape (S, N)
+        w = n Omega, g = gamma Omega, k.
+    damping : ndarray, shape (N,)
+        d.
+    radial, tangential : ndarray, shape (S, N)
+        r is force * radial for f_r, and i force * tangential for f_t.
+    force : ndarray, shape (2, N)
+
+    Returns
+    -------
+    exponents, steady, right, left : ndarray
+        The fields of :class:`~tire_dynamics.science.modes.Spins`; right = [[s+, s-], [1, 1]], s = mu - i w.
+    """
+    real = 0.25 * damping * damping - twist * twist - stiffness
+    imaginary = damping * twist
+    larger = np.sqrt(0.5 * (np.sqrt(real * real + imaginary * imaginary) + np.abs(real)))
+    smaller = 0.5 * imaginary / larger
+    root = np.stack([np.where(real >= 0.0, larger, smaller), np.where(real >= 0.0, smaller, larger)])
+    half = 0.5 * damping
+    slow = np.stack([np.stack([root[0] - half, -root[0] - half]), np.stack([root[1] - twist, -root[1] - twist])])
+    slow = np.ascontiguousarray(np.moveaxis(slow, 1, -1))  # (2, S, N, 2)
+    exponents = slow.copy()
+    exponents[1] += turning[..., None]
+    one = np.zeros_like(slow)
+    one[0] = 1.0
+    inverse = _inverse(root + root)
+    plus, minus = _times(inverse, -slow[..., 1]), _times(inverse, slow[..., 0])
+    left = np.stack([np.stack([inverse, plus], axis=-1), np.stack([-inverse, minus], axis=-1)], axis=-2)
+    along = np.stack([radial * force[0], radial * force[1]])
+    across = np.stack([-(tangential * force[1]), tangential * force[0]])
+    drive = np.stack([_times(inverse, along), _times(inverse, across)], axis=-1)  # (2, S, N, 2)
+    forward, backward = _times(-drive, _inverse(exponents[..., :1])), _times(drive, _inverse(exponents[..., 1:]))
+    return exponents, np.stack([forward, backward], axis=-2), np.stack([slow, one], axis=-2), left
+
+
+def whirl_changes(
+    right: FloatArray, left: FloatArray, before: IntArray, after: IntArray, twist: FloatArray
+) -> FloatArray:
+    """left[after] J right[before] of jumps that take V to V - i twist Z, shape (2, C, N, 2, 2).
+
+    Parameters
+    ----------
+    right, left : ndarray, shape (2, S, N, 2, 2)
+    before, after : ndarray of int, shape (C,)
+    twist : ndarray, shape (C, N)
+    """
+    jumped = right[:, before][..., 0, :]  # V of each column; Z is 1
+    jumped[1] -= twist[..., None]
+    lefts = left[:, after]
+    return _times(lefts[..., :1], jumped[..., None, :]) + lefts[..., 1:]
+
+
+def advance_modes(
+    own: FloatArray,
+    exponents: FloatArray,
+    steady: FloatArray,
+    changes: FloatArray,
+    offsets: FloatArray,
+    spin: IntArray,
+    change: IntArray,
+    output: IntArray,
+    first: IntArray,
+    begin: IntArray,
+    left: FloatArray,
+    force: FloatArray,
+    outputs: FloatArray,
+) -> None:
+    """The modes beside n = 1 over a stretch of time, under forces that are held over intervals.
+
+    The stretch of each wheel is cut into groups of intervals at one speed; after a group its state may be put out, or
+    the speed may change. Over a group,
+
+        w <- exp(mu r_0) (w - s_0) + sum_(i > 0) exp(mu r_i) (s_(i-1) - s_i) + s_last,
+
+    r_i the time from the begin of interval i to the end of the group, s_i the steady state under its force.
+
+    Parameters
+    ----------
+    own : ndarray, shape (2, W, N, k)
+        w, (real, imaginary) along the first axis, as everywhere here; changed in place.
+    exponents, steady : ndarray, shapes (2, S, N, k) and (2, S, N, k, 2)
+        Of :class:`~tire_dynamics.science.modes.Spins`.
+    changes, offsets : ndarray, shapes (2, C, N, k, k) and (2, C, N, k)
+        Of :meth:`~tire_dynamics.science.modes.RingModes.changes`.
+    spin, change, output : ndarray of int, shape (G,)
+        Of each group: its speed; the change after it, and the place of its end in ``outputs``, -1 for none.
+    first : ndarray of int, shape (G + 1,)
+        First interval of each group.
+    begin : ndarray of int, shape (W + 1,)
+        First group of each wheel.
+    left : ndarray, shape (I,)
+        r_i [s].
+    force : ndarray, shape (I, 2)
+        f_r (outward), f_t (along increasing psi) [N].
+    outputs : ndarray, shape (2, M, N, k)
+        Filled with w at the ends of the groups that are put out.
+    """
+    count = np.diff(first)
+    spin_of = np.repeat(spin, count)
+    grown = np.stack(
+        growth(exponents[0, spin_of] * left[:, None, None], exponents[1, spin_of] * left[:, None, None])
+    )
+    push = _shape(steady, spin_of, force)
+    step = _times(grown[:, 1:], push[:, :-1] - push[:, 1:])  # for each interval but a group's first
+    driven = np.zeros((2, spin.size, *own.shape[2:]))
+    for i in range(1, int(count.max(initial=0))):
+        having = np.flatnonzero(count > i)
+        driven[:, having] += step[:, first[having] + i - 1]
+    for turn in range(int(np.diff(begin).max(initial=0))):
+        wheels = np.flatnonzero(begin[:-1] + turn < begin[1:])
+        groups = begin[wheels] + turn
+        moving = count[groups] > 0
+        if moving.any():
+            w, g = wheels[moving], groups[moving]
+            start, last = first[g], first[g + 1] - 1
+            own[:, w] = _times(grown[:, start], own[:, w] - push[:, start]) + driven[:, g] + push[:, last]
+        shown = output[groups] >= 0
+        if shown.any():
+            outputs[:, output[groups[shown]]] = own[:, wheels[shown]]
+        turning = change[groups] >= 0
+        if turning.any():
+            w, c = wheels[turning], change[groups[turning]]
+            own[:, w] = _apply(changes[:, c], own[:, w]) + offsets[:, c]
+
+
+def _shape(steady: FloatArray, which: IntArray, force: FloatArray) -> FloatArray:
+    shapes = steady[:, which]
+    result: FloatArray = shapes[..., 0] * force[:, 0, None, None] + shapes[..., 1] * force[:, 1, None, None]
+    return result
+
+
+def _times(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _inverse(a: FloatArray) -> FloatArray:
+    square = a[0] * a[0] + a[1] * a[1]
+    return np.stack([a[0] / square, -a[1] / square])
+
+
+def _apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    total = _times(matrix[..., 0], vector[..., :1])
+    for j in range(1, matrix.shape[-1]):
+        total += _times(matrix[..., j], vector[..., j : j + 1])
+    return total
+
+
+def deflections(amplitudes: FloatArray, basis: FloatArray) -> FloatArray:
+    """Sums over modes, in their order.
+
+    Parameters
+    ----------
+    amplitudes : ndarray, shape (M, 2, B)
+        Radial and tangential.
+    basis : ndarray, shape (B, P)
+
+    Returns
+    -------
+    ndarray, shape (M, 2, P)
+    """
+    total: FloatArray = amplitudes[..., :1] * basis[0]
+    for b in range(1, len(basis)):
+        total += amplitudes[..., b : b + 1] * basis[b]
+    return total
