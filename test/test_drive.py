@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 
 import numpy as np
@@ -124,12 +125,14 @@ def at_once(vehicle, events, rng, tally=None):
             assert state_of(vehicle) == before
             seen += [(first + number, *rest) for number, *rest in one_by_one(vehicle, stretch)]
         else:
-            belts = dict(zip(outputs.shown.tolist(), outputs.belts, strict=True))
+            belts = {}
+            for wheel, shown, mine in zip(outputs.wheels, outputs.shown, outputs.belts, strict=True):
+                for tick, belt in zip(shown.tolist(), mine, strict=True):
+                    belts.setdefault(tick, []).append((wheel, belt.tobytes()))
             for tick, place in enumerate(columns.tick_place.tolist()):
                 for wheel, force in zip(outputs.wheels, outputs.forces[tick].tolist(), strict=True):
                     seen.append((place, "force", wheel, *force))
-                for wheel, belt in zip(outputs.wheels, belts.get(tick, ()), strict=tick in belts):
-                    seen.append((place, "belt", wheel, belt.tobytes()))
+                seen += [(place, "belt", *belt) for belt in belts.get(tick, [])]
         first += len(stretch)
     return seen
 
@@ -218,30 +221,44 @@ def test_compiled_kernels_have_the_same_bits(seed, complete):
     begin = np.concatenate([[0], np.cumsum(counts.sum(axis=0))[:-1]])
     stop = begin + np.cumsum(counts, axis=0)
     steps = int(counts.sum())
+    columns = [rng.integers(1, 10**7, steps), rng.normal(0.0, 400.0, steps), *rng.normal(size=(m, steps))]
     arrays = (
-        found[0].reshape(9, J, n + m, n), rng.integers(0, 9, steps), rng.uniform(0.0, 1.0, steps),
-        rng.integers(0, 4, steps), rng.normal(size=(steps, m)), rng.normal(size=steps) * complete, begin, stop,
+        found[0].reshape(9, J, n + m, n), 2e-3, 300.0, np.stack(columns, axis=1), rng.integers(0, 9, steps),
+        rng.normal(size=steps) * complete, begin, stop,
     )  # fmt: skip
-    state = rng.normal(size=(W, n))
-    states = [state.copy(), state.copy()]
-    found = [module.advance_first(one, *arrays) for module, one in zip((kernels, compiled), states, strict=True)]
-    assert np.array_equal(*found) and np.array_equal(*states)
+    states, phases = [rng.normal(size=(W, n))] * 2, [rng.uniform(0.0, 6.0, W)] * 2
+    states, phases = [each.copy() for each in states], [each.copy() for each in phases]
+    found = [
+        module.advance_first(state, phase, *arrays)
+        for module, state, phase in zip((kernels, compiled), states, phases, strict=True)
+    ]
+    assert np.array_equal(*found) and np.array_equal(*states) and np.array_equal(*phases)
+    output = rng.normal(size=(W, n, 2))
+    read = [module.read(states[0], output) for module in (kernels, compiled)]
+    assert np.array_equal(read[0][0], read[1][0]) and np.array_equal(read[0][1], read[1][1])
 
-    N, k, S, C, G = 4, (4 if complete else 2), 3, 2, 8
-    sizes = rng.integers(0, 4, G)
-    bounds = np.concatenate([[0], np.cumsum(sizes)])
+    N, k, C = 4, (4 if complete else 2), 5
+    steps_of = np.cumsum([0, *rng.integers(0, 12, W)])
+    total = int(steps_of[-1])
+    changed = np.sort(rng.choice(total, min(C, total), replace=False))
+    C = changed.size
+    ends = [np.sort(rng.integers(a, b + 1, rng.integers(0, 4))) for a, b in itertools.pairwise(steps_of)]
+    ends_of = np.cumsum([0, *(each.size for each in ends)])
+    ends = np.concatenate(ends)
+    exponents = rng.normal(size=(2, W + C, N, k)) * 10.0 ** rng.integers(-3, 4)
+    exponents[0] = -np.abs(exponents[0])  # decaying, or the numbers grow beyond all bounds
     arrays = (
-        rng.normal(size=(2, S, N, k)) * 10.0 ** rng.integers(-3, 4), rng.normal(size=(2, S, N, k, 2)),
-        rng.normal(size=(2, C, N, k, k)), rng.normal(size=(2, C, N, k)), rng.integers(0, S, G),
-        rng.integers(-1, C, G), np.where(rng.random(G) < 0.5, np.arange(G), -1), bounds, np.array([0, 3, 3, G]),
-        rng.uniform(0.0, 30.0, bounds[-1]), rng.normal(size=(bounds[-1], 2)),
+        exponents, rng.normal(size=(2, W + C, N, k, 2)), rng.normal(size=(2, C, N, k, k)),
+        rng.normal(size=(2, C, N, k)),
+        rng.integers(1, 10**10, total), rng.integers(0, 3, (total, 2)).astype(float), changed, ends, steps_of, ends_of,
     )  # fmt: skip
-    arrays[0][0] = -np.abs(arrays[0][0])  # decaying, or the numbers grow beyond all bounds
     own = rng.normal(size=(2, W, N, k))
-    owns, outputs = [own.copy(), own.copy()], [np.zeros((2, G, N, k)), np.zeros((2, G, N, k))]
-    for module, one, output in zip((kernels, compiled), owns, outputs, strict=True):
-        module.advance_modes(one, *arrays, output)
-    assert np.array_equal(*owns) and np.array_equal(*outputs)
+    owns, outputs = [own.copy(), own.copy()], [np.zeros((2, ends.size, N, k)) for _ in range(2)]
+    found = [
+        module.follow(one, *arrays, output)
+        for module, one, output in zip((kernels, compiled), owns, outputs, strict=True)
+    ]
+    assert all(np.array_equal(*pair) for pair in (owns, outputs, *zip(*found, strict=True)))
 
     amplitudes, basis = rng.normal(size=(5, 2, 8)), rng.normal(size=(8, 7))
     assert np.array_equal(kernels.deflections(amplitudes, basis), compiled.deflections(amplitudes, basis))

@@ -320,7 +320,7 @@ def _damaged_records():
     yield json.dumps({**good, "parameters": {**good["parameters"], "rate": 5.0}})
     yield json.dumps({**good, "topics": {"w/axle_wrench": "/w/load"}})
     yield json.dumps({**good, "topics": {"w/axle_wrench": 5}})
-    yield json.dumps({**good, "vehicle": {"time": 5, "ring_turn": 1, "wheels": [5]}})
+    yield json.dumps({**good, "vehicle": {"time": 5, "ring_turns": [1], "wheels": [5]}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "time": "now"}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": []}})
 

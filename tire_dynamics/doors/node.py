@@ -21,6 +21,7 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from . import messages
@@ -38,6 +39,7 @@ _TYPES = {
     "string": RosParameter.Type.STRING,
     "string[]": RosParameter.Type.STRING_ARRAY,
 }
+_LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _DIAGNOSTICS = "/diagnostics"
 _DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -54,6 +56,9 @@ class TireDynamicsNode(Node):
     context : rclpy.context.Context, optional
     arguments : sequence of str, optional
         ROS arguments (``--ros-args ...``) beyond those of the context.
+    paced : bool
+        Whether the caller calls :meth:`pace` when :meth:`until_tick` is over. Without it a timer makes the ticks, on
+        whatever executor the node is given.
 
     Raises
     ------
@@ -61,7 +66,13 @@ class TireDynamicsNode(Node):
         A parameter is unknown, out of its bounds or in contradiction to another.
     """
 
-    def __init__(self, *, context: rclpy.context.Context | None = None, arguments: Sequence[str] | None = None) -> None:
+    def __init__(
+        self,
+        *,
+        context: rclpy.context.Context | None = None,
+        arguments: Sequence[str] | None = None,
+        paced: bool = False,
+    ) -> None:
         try:
             super().__init__(
                 NODE_NAME,
@@ -95,7 +106,9 @@ class TireDynamicsNode(Node):
         self.add_post_set_parameters_callback(self._apply_change)
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(self._period * 1e-9, self._tick, clock=steady)
+        self._deadline = time.monotonic_ns()
+        if not paced:
+            self.create_timer(self._period * 1e-9, self._tick, clock=steady)
         self.create_timer(1.0, self._diagnose, clock=steady)
         # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities: list[dict[str, Any]] = [{} for _ in self._wiring.vehicle.schedules]
@@ -179,9 +192,35 @@ class TireDynamicsNode(Node):
 
         return callback
 
+    def until_tick(self) -> float:
+        """Time until the next tick is due [s], on the steady clock; negative if it is late."""
+        return (self._deadline - time.monotonic_ns()) * 1e-9
+
+    def pace(self) -> None:
+        """Tick if a tick is due. The deadlines lie one period apart; those that were missed altogether are left out."""
+        late = time.monotonic_ns() - self._deadline
+        if late >= 0:
+            missed = late // self._period
+            self._deadline += (1 + missed) * self._period
+            now = self._now()
+            if now and not self._clock_now.ros_time_is_active:
+                self._missed += missed
+                self._tick_at(now, self._after_last(now - late + missed * self._period, now))
+            else:
+                self._tick()
+
+    def _after_last(self, stamp: int, now: int) -> int | None:
+        """A stamp that lies behind the last one; None if there is no room for it. A clock set back starts anew."""
+        if self._time is not None and self._time >= stamp and now >= self._time:
+            return None  # slewed by less than a period
+        self._time = stamp
+        return stamp
+
     def _tick(self) -> None:
         now = self._now()
-        stamp = self._due(now)
+        self._tick_at(now, self._due(now))
+
+    def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
             return
         started = time.perf_counter()
@@ -428,7 +467,7 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
         if leftover:
             raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
         try:
-            node = TireDynamicsNode()
+            node = TireDynamicsNode(paced=True)
         except (ParameterException, NameValidationException, ValueError) as error:
             raise InputError(_first_line(error)) from None
         try:
@@ -436,8 +475,10 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
             executor.add_node(node)
             gc.collect()
             gc.freeze()  # what lives until the end need not be looked at again, tick after tick
-            while not stopping():
-                executor.spin_once(timeout_sec=0.2)
+            never: Future[None] = Future()
+            while not stopping():  # docs/real_time.md says why so
+                executor.spin_until_future_complete(never, timeout_sec=max(node.until_tick(), _LEAST_SPIN))
+                node.pace()
         finally:
             node.close()
     finally:

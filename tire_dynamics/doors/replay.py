@@ -44,6 +44,7 @@ def replay(
     config: str | PathLike[str] | None = None,
     force: bool = False,
     kernels: ModuleType | None = None,
+    quiet: bool = False,
 ) -> Summary:
     """Run a bag through the estimator into a new bag, which is a log like the live node's.
 
@@ -60,6 +61,8 @@ def replay(
         Replace an output that exists.
     kernels : module, optional
         As :class:`~tire_dynamics.estimator.motion.Motion` takes it; the output has the same bits with each.
+    quiet : bool
+        Show no progress, not even on a terminal.
 
     Returns
     -------
@@ -88,9 +91,9 @@ def replay(
         raise InputError(f"{source}: {error}") from None
     names = _names(reader, wiring.vehicle.settings.wheels, log)
     if log is not None and log["parameters"].get("rate_hz") == wiring.values["rate_hz"]:
-        stretches = _recorded(reader, names)
+        stretches = _recorded(reader, names, quiet)
     else:
-        stretches = _received(reader, names, wiring)
+        stretches = _received(reader, names, wiring, quiet)
     try:
         received, written = _run(wiring, stretches, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
@@ -292,12 +295,12 @@ def _between_records(stretches: Iterable[_Stretch]) -> Iterator[_Stretch]:
             yield _Stretch(log_time[some], events.part(some), published[some])
 
 
-def _recorded(reader: BagReader, names: Mapping[str, str]) -> Iterator[_Stretch]:
+def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[_Stretch]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
     wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
     blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
-    for block in progress(blocks, reader.message_count, "replay", size=_size):
+    for block in blocks if quiet else progress(blocks, reader.message_count, "replay", size=_size):
         topics = tuple(relative.get(name, "") for name in block.topics)
         ticks = np.flatnonzero(block.topic == topics.index(TICK)) if TICK in topics else np.empty(0, np.int64)
         valid, times = messages.decode_clocks(block.data, block.start[ticks], block.size[ticks])
@@ -310,7 +313,7 @@ def _recorded(reader: BagReader, names: Mapping[str, str]) -> Iterator[_Stretch]
         yield _Stretch(block.log_time, events, published)
 
 
-def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> Iterator[_Stretch]:
+def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring, quiet: bool) -> Iterator[_Stretch]:
     """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
 
     Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
@@ -321,7 +324,7 @@ def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring) -> It
     relative = {names[topic]: topic for topic in names if _is_input(topic)}
     due = last = None
     blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
-    for block in progress(blocks, reader.message_count, "replay", size=_size):
+    for block in blocks if quiet else progress(blocks, reader.message_count, "replay", size=_size):
         times = block.log_time
         if due is None or last is None:
             last = int(times[0])

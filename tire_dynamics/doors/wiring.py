@@ -183,13 +183,12 @@ class Wiring:
             return None
         self.malformed += malformed
         parts: list[tuple[IntArray, int, str, list[bytes]]] = []
-        shown = outputs.shown
         for position, index in enumerate(outputs.wheels):
             wrench, deflection, shape = self._names[index]
             force = outputs.forces[:, position]
             data = self._wrenches[index].encode_block(events.ticks, force[:, 0], force[:, 1])
             parts.append((events.tick_place, position, wrench, data))
-            belts = outputs.belts[:, position]
+            belts, shown = outputs.belts[position], outputs.shown[position]
             data = self._deflection.encode_block(belts)
             rank = len(outputs.wheels) + 2 * position
             parts.append((events.tick_place[shown], rank, deflection, data))

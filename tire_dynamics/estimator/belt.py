@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..science.elementary import cos_sin
-from ..science.modes import RingModes, Spins
+from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
 
@@ -22,10 +22,7 @@ FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
 
-_NANO: Final = 1e-9
-_MOST_TOGETHER: Final = 256  # intervals in one group
 _MOST_WAITING: Final = 4096  # steps that wait for the shape to be wanted
-_SHOWN, _CHANGED, _CUT = range(3)  # why a group ends
 
 
 def ring_angles(samples: int) -> FloatArray:
@@ -60,7 +57,7 @@ class BeltShape:
         cosine, sine = cos_sin(phase)
         self._first = np.stack([cosine[0], sine[0]])
         self._rest = np.concatenate([cosine[1:], sine[1:]])
-        self._all = np.concatenate([self._first, self._rest])
+        self.basis = np.concatenate([self._first, self._rest])
         self.size = angle.size
 
     def deflection(self, first: FloatArray, radial: ComplexArray, tangential: ComplexArray) -> FloatArray:
@@ -91,7 +88,7 @@ class BeltShape:
         kernels : module
         """
         rows = np.concatenate([first.reshape(-1, 2, 2), amplitudes[0], amplitudes[1]], axis=-1)
-        result: FloatArray = kernels.deflections(np.ascontiguousarray(rows), self._all)
+        result: FloatArray = kernels.deflections(np.ascontiguousarray(rows), self.basis)
         return result
 
 
@@ -182,6 +179,20 @@ class BeltMotion:
         """Z_1 and Z_2 of some wheels' modes [m], shape (2, len, 2, N): (real, imaginary), wheel, component, mode."""
         return self._components(self._take_up(indices))
 
+    def deflections(self, indices: Sequence[int], first: FloatArray, shape: BeltShape) -> FloatArray:
+        """Radial and tangential deflection of some belts [m], shape (len, 2, P), given their n = 1 parts, (len, 4)."""
+        take_up = getattr(self._kernels, "take_up", None)
+        if take_up is None or self.modes.model == "complete" or any(index in self._noted for index in indices):
+            return shape.sums(first, self.amplitudes(indices), self._kernels)
+        rows = np.empty((len(indices), 2, 2 + 2 * self.modes.numbers.size))
+        for position, index in enumerate(indices):  # in one go, for the live node
+            steps = np.array(self._waiting[index], dtype=np.float64).reshape(-1, 4)
+            self._waiting[index] = []
+            wheel = (*self._spins, index, self._speeds[index], *self.modes.parts)
+            self._speeds[index] = take_up(self._own, *wheel, steps, first[position], rows[position])
+        belts: FloatArray = self._kernels.deflections(rows, shape.basis)
+        return belts
+
     def _components(self, states: FloatArray) -> FloatArray:
         if self.modes.model == "complete":
             return np.stack([states[..., 2], states[..., 3]], axis=-2)
@@ -212,101 +223,50 @@ class BeltMotion:
     def _follow(self, paths: Mapping[int, Path]) -> FloatArray:
         """The states x at all ends, shape (2, M, N, k). What stands behind the last end of each path waits."""
         wheels = np.array(list(paths))
-        sizes = np.array([path.length.size for path in paths.values()])
-        offset = np.cumsum(sizes) - sizes
-        length, speed, force = (np.concatenate(each) for each in zip(*(p[:3] for p in paths.values()), strict=True))
-        owner = np.repeat(np.arange(wheels.size), sizes)
-
-        fresh = np.zeros(length.size + 1, dtype=bool)  # whether another interval begins with this step
-        fresh[offset] = True
-        before = np.concatenate([[0.0], speed[:-1]])
-        before[offset[sizes > 0]] = self._speeds[wheels[sizes > 0]]
+        steps_of = np.cumsum([0, *(path.length.size for path in paths.values())])
+        ends_of = np.cumsum([0, *(path.ends.size for path in paths.values())])
+        columns = [np.concatenate(each) for each in zip(*paths.values(), strict=True)]
+        length, speed, force, ends = columns
+        ends += np.repeat(steps_of[:-1], np.diff(ends_of))
+        before = np.empty_like(speed)
+        before[1:] = speed[:-1]
+        some = steps_of[1:] > steps_of[:-1]
+        before[steps_of[:-1][some]] = self._speeds[wheels[some]]
         changed = np.flatnonzero(speed != before)
-        fresh[changed] = True
-        ends = np.concatenate([path.ends + start for path, start in zip(paths.values(), offset, strict=True)])
-        fresh[ends] = True
-        fresh[1:-1] |= (force[1:] != force[:-1]).any(axis=1)
-        starts = np.flatnonzero(fresh[:-1])
-        clock = np.concatenate([[0], np.cumsum(length)])  # [ns]
+        whose = np.searchsorted(steps_of, changed, side="right") - 1
 
-        # What ends a group, in order: its shape is wanted, then the speed changes.
-        end_owner = np.repeat(np.arange(wheels.size), [path.ends.size for path in paths.values()])
-        place = np.concatenate([ends, changed])
-        kind = np.repeat([_SHOWN, _CHANGED], [ends.size, changed.size])
-        whose = np.concatenate([end_owner, owner[changed]])
-        order = np.lexsort([kind, place, whose])
-        place, kind, whose = place[order], kind[order], whose[order]
-        place, kind, whose = _cut_long_groups(place, kind, whose, starts, offset, sizes)
-
-        previous = np.concatenate([[0], place[:-1]])
-        leads = np.concatenate([[True], whose[1:] != whose[:-1]])[: place.size]
-        previous = np.where(leads, offset[whose], previous)
-        first, stop = np.searchsorted(starts, previous), np.searchsorted(starts, place)
-        count = stop - first
-        kept = np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
-        left = (np.repeat(clock[place], count) - clock[starts[kept]]) * _NANO
-
-        turned = kind == _CHANGED
-        passed = np.cumsum(turned) - turned
-        in_wheel = passed - np.repeat(passed[leads], np.diff(np.append(np.flatnonzero(leads), place.size)))
-        spin = np.where(in_wheel > 0, wheels.size + passed - 1, whose)
-        at_wheels = self._spins.at(wheels)
-        spins, matrices, jumps = self._turns(at_wheels, speed[place[turned]], self._speeds[wheels], spin[turned])
-
-        shown = kind == _SHOWN
-        output, change = np.full(place.size, -1), np.full(place.size, -1)
-        output[shown], change[turned] = np.arange(shown.sum()), np.arange(turned.sum())
-        own = np.ascontiguousarray(self._own[:, wheels])
-        outputs = np.empty((2, int(shown.sum()), *own.shape[2:]))
-        groups = np.searchsorted(whose, np.arange(wheels.size + 1))
-        bounds = np.concatenate([[0], np.cumsum(count)])
-        held = force[starts[kept]]
-        arrays = (spins.exponents, spins.steady, matrices, jumps, spin, change, output, bounds, groups, left, held)
-        self._kernels.advance_modes(own, *map(np.ascontiguousarray, arrays), outputs)
+        spins = self._spins.at(wheels)
+        shape = spins.right.shape
+        matrices, jumps = np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
+        if changed.size:
+            spins = spins.joined(self.modes.spins(speed[changed], self._kernels))
+            after = wheels.size + np.arange(changed.size)
+            previous = after - 1
+            leads = np.append(True, whose[1:] != whose[:-1])
+            previous[leads] = whose[leads]
+            speeds = np.concatenate([self._speeds[wheels], speed[changed]])
+            matrices, jumps = self.modes.changes(spins, speeds, previous, after, self._kernels)
+        own = np.take(self._own, wheels, axis=1)
+        outputs = np.empty((2, ends.size, *own.shape[2:]))
+        modes = own, spins.exponents, spins.steady, matrices, jumps
+        taken, spin = self._kernels.follow(*modes, length, force, changed, ends, steps_of, ends_of, outputs)
         self._own[:, wheels] = own
-        states = spins.state(outputs, spin[shown])
-        for position, wheel in enumerate(paths):
-            if wheel in self._noted:
-                states[:, ((whose == position) & (place == offset[position]))[shown]] = self._noted[wheel][:, None]
-        self._keep(paths, wheels, place, whose, offset, turned, spins, speed)
-        return states
-
-    def _turns(
-        self, at_wheels: Spins, new: FloatArray, old: FloatArray, before: IntArray
-    ) -> tuple[Spins, FloatArray, FloatArray]:
-        """The modes at all speeds, those of the wheels first, and what the changes to the new ones do."""
-        if not new.size:
-            shape = at_wheels.right.shape
-            return at_wheels, np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
-        spins = at_wheels.joined(self.modes.spins(new, self._kernels))
-        after = len(old) + np.arange(new.size)
-        return spins, *self.modes.changes(spins, np.concatenate([old, new]), before, after, self._kernels)
-
-    def _keep(
-        self,
-        paths: Mapping[int, Path],
-        wheels: IntArray,
-        place: IntArray,
-        whose: IntArray,
-        offset: IntArray,
-        turned: NDArray[np.bool_],
-        spins: Spins,
-        speed: FloatArray,
-    ) -> None:
-        """Remember the last speed of each wheel, and the steps that were not taken."""
-        number = wheels.size + np.cumsum(turned) - 1
+        states = spins.state(outputs, spin)
         for position, (wheel, path) in enumerate(paths.items()):
-            mine = whose == position
-            changes = np.flatnonzero(mine & turned)
-            if changes.size:
-                self._speeds[wheel] = speed[place[changes[-1]]]
+            done = int(taken[position] - steps_of[position])
+            turns = np.flatnonzero(whose == position)
+            if turns.size:
+                self._speeds[wheel] = speed[changed[turns[-1]]]
                 for all_wheels, new in zip(self._spins, spins, strict=True):
-                    all_wheels[:, wheel] = new[:, number[changes[-1]]]
-            taken = int(place[mine][-1] - offset[position]) if mine.any() else 0
-            if taken or changes.size:
-                self._noted.pop(wheel, None)
-            columns = (path.length[taken:], path.speed[taken:], *(-path.force[taken:]).T)
-            self._waiting[wheel] = list(zip(*(column.tolist() for column in columns), strict=True))
+                    all_wheels[:, wheel] = new[:, wheels.size + turns[-1]]
+            if wheel in self._noted:
+                unmoved = np.arange(ends_of[position], ends_of[position + 1])[path.ends == 0]
+                states[:, unmoved] = self._noted[wheel][:, None]
+                if done or turns.size:
+                    del self._noted[wheel]
+            waiting = (path.length[done:], path.speed[done:], *(-path.force[done:]).T)
+            self._waiting[wheel] = list(zip(*(column.tolist() for column in waiting), strict=True))
+        return states
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything that later results depend on, in JSON's types; the motion goes on from what is in it."""
@@ -328,25 +288,3 @@ class BeltMotion:
     def _set(self, index: int, state: FloatArray) -> None:
         self._noted[index] = state
         self._own[:, index] = self._spins.at(np.array([index])).own(state[:, None])[:, 0]
-
-
-def _cut_long_groups(
-    place: IntArray, kind: IntArray, whose: IntArray, starts: IntArray, offset: IntArray, sizes: IntArray
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Ends of groups, with more of them where one would have over _MOST_TOGETHER intervals."""
-    wheels = np.arange(sizes.size)
-    edges = np.concatenate([place, offset, offset + sizes])
-    ranks = np.repeat([1, 0, 2], [place.size, wheels.size, wheels.size])
-    owners = np.concatenate([whose, wheels, wheels])
-    order = np.lexsort([ranks, edges, owners])
-    at = np.searchsorted(starts, edges[order])
-    many = np.flatnonzero((np.diff(at) > _MOST_TOGETHER) & (np.diff(owners[order]) == 0))
-    if not many.size:
-        return place, kind, whose
-    more = [np.arange(at[k] + _MOST_TOGETHER, at[k + 1], _MOST_TOGETHER) for k in many]
-    cuts = starts[np.concatenate(more)]
-    mine = np.repeat(owners[order][many], [each.size for each in more])
-    place, whose = np.concatenate([place, cuts]), np.concatenate([whose, mine])
-    kind = np.concatenate([kind, np.full(cuts.size, _CUT)])
-    order = np.lexsort([kind, place, whose])
-    return place[order], kind[order], whose[order]

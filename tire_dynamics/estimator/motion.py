@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any, Final
@@ -20,8 +19,6 @@ __all__ = ["Motion", "fastest_kernels"]
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-_NANO: Final = 1e-9
-_FULL_TURN: Final = 2.0 * math.pi
 _BEYOND_ALL_BOUNDS: Final = 1e6  # [m/s] and [m]
 
 
@@ -74,8 +71,7 @@ class Motion:
         self.unit = unit
         self._stepper = wheel.stepper(unit, self.model)
         self._series = self._series_at(self.turning_at)
-        self._output_at = self.turning_at.copy()
-        self._output = wheel.output_matrices(unit, self._output_at, self.model)
+        self._output_at: list[float] = []
         self.belt.set_unit(unit)
 
     def _series_at(self, speeds: FloatArray) -> FloatArray:
@@ -101,25 +97,26 @@ class Motion:
             self._series = self._series.copy()
             self._series[index] = self._series_at(np.array([speed]))[0]
 
-    @np.errstate(over="ignore", invalid="ignore")  # what overflows is given up at the end of it
     def follow(self, plans: Sequence[Plan]) -> None:
         """Take every wheel through its plan."""
+        every: list[tuple[int, float, float, float]] = []
+        stop = []
         for index, (start, steps) in enumerate(plans):
             if start is not None:
                 self.start(index, *start)
             if steps:
                 self.belt.hold(index, steps)
-        counts = [len(plan.steps) for plan in plans]
-        if any(counts):
-            steps = [step for plan in plans for step in plan.steps]
-            columns = np.array(steps, dtype=np.float64)
-            stop: IntArray = np.cumsum(counts)
-            self._advance(columns[:, 0], columns[:, 1], columns[:, 2:], stop - np.array(counts), stop[None, :])
+                every += steps
+            stop.append(len(every))
+        if every:
+            ends = np.array([stop])
+            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given up at the end of it
+                self._advance(np.array(every, dtype=np.float64), np.array([0, *stop[:-1]]), ends)
 
     @np.errstate(over="ignore", invalid="ignore")
     def follow_stretches(
-        self, stretches: Mapping[int, Stretch], ticks: int, shown: IntArray, shape: BeltShape
-    ) -> tuple[FloatArray, FloatArray] | None:
+        self, stretches: Mapping[int, Stretch], ticks: int, shown: Mapping[int, IntArray], shape: BeltShape
+    ) -> tuple[FloatArray, list[FloatArray]] | None:
         """Take W of the wheels through many ticks at once.
 
         Parameters
@@ -128,16 +125,16 @@ class Motion:
             By wheel, over the same ticks.
         ticks : int
             Their number T.
-        shown : ndarray of int, shape (M,)
-            The ticks at which the belt is wanted.
+        shown : mapping of int to ndarray of int, shape (M,)
+            By wheel, the ticks at which its belt is wanted.
         shape : BeltShape
 
         Returns
         -------
         forces : ndarray, shape (T, W, 2)
             Axle force [x, z], REP 103 axes [N].
-        belts : ndarray, shape (M, W, 2, P)
-            Radial and tangential deflection relative to the wheel centre [m].
+        belts : list of ndarray, shape (M, 2, P)
+            Each wheel's radial and tangential deflection relative to the wheel centre [m].
 
         None if a wheel diverges on the way: then nothing has changed.
         """
@@ -148,42 +145,42 @@ class Motion:
         stop = np.repeat(begin[None, :], ticks, axis=0)
         for index, stretch in stretches.items():
             stop[:, index] += stretch.done
-        if not counts.any():
-            columns = [np.empty(0), np.empty(0), np.empty((0, 2))]
-        else:
-            columns = [np.concatenate(each) for each in zip(*(s[:3] for s in stretches.values()), strict=True)]
+        steps = np.empty((counts.sum(), 4))
+        for index, stretch in stretches.items():
+            mine = steps[begin[index] : begin[index] + counts[index]]
+            mine[:, 0], mine[:, 1], mine[:, 2:] = stretch.length, stretch.speed, stretch.force
         kept = self.state.copy(), self.turning_at.copy(), self.phase.copy(), self._series
-        states = self._advance(columns[0].astype(np.float64), columns[1], columns[2], begin, stop)[:, wheels]
+        states = self._advance(steps, begin, stop)[:, wheels]
         if not (np.abs(states) < _BEYOND_ALL_BOUNDS).all():
             self.state, self.turning_at, self.phase, self._series = kept
             return None
         if not wheels:
-            return np.empty((ticks, 0, 2)), np.empty((shown.size, 0, 2, shape.size))
+            return np.empty((ticks, 0, 2)), []
         speeds = np.stack([stretch.speed_at for stretch in stretches.values()], axis=1)
         forces = wheel.axle_forces(wheel.output_matrices(self.unit, speeds, self.model), states)
         paths = {
-            index: Path(stretch.length, stretch.speed, -stretch.force, stretch.done[shown])
+            index: Path(stretch.length, stretch.speed, -stretch.force, stretch.done[shown[index]])
             for index, stretch in stretches.items()
         }
-        first = wheel.belt_amplitudes(states[shown], self.model).swapaxes(0, 1).reshape(-1, 4)
-        belts = shape.sums(first, self.belt.follow(paths), self.kernels)
-        return forces, belts.reshape(len(wheels), shown.size, *belts.shape[1:]).swapaxes(0, 1)
+        at_ends = np.concatenate([states[shown[index], position] for position, index in enumerate(wheels)])
+        belts = shape.sums(wheel.belt_amplitudes(at_ends, self.model), self.belt.follow(paths), self.kernels)
+        return forces, np.split(belts, np.cumsum([shown[index].size for index in wheels[:-1]]))
 
-    def _advance(
-        self, length: FloatArray, speed: FloatArray, force: FloatArray, begin: IntArray, stop: IntArray
-    ) -> FloatArray:
-        """States at the ticks (T, W, n) after steps of given lengths [ns], wheel after wheel."""
-        length = length * _NANO
-        which, series, jump = self._speeds(speed, begin, stop[-1])
-        doublings = self._stepper.doublings(length, np.abs(speed))
-        scaled = length / (self._stepper.longest_step * 2.0**doublings)
-        arrays = (series, which, scaled, doublings, force, jump, begin, stop)
-        states: FloatArray = self.kernels.advance_first(self.state, *map(np.ascontiguousarray, arrays))
-        self._turn_on(length, speed, begin, stop[-1])
+    def _advance(self, steps: FloatArray, begin: IntArray, stop: IntArray) -> FloatArray:
+        """States at the ticks (T, W, n) after steps: length [ns], speed, load and traction, wheel after wheel."""
+        which, series, jump = self._speeds(steps[:, 1], begin, stop[-1])
+        stepper = self._stepper
+        states: FloatArray = self.kernels.advance_first(
+            self.state, self.phase, series, stepper.longest_step, stepper.top_speed, steps, which, jump, begin, stop
+        )
         return states
 
     def _speeds(self, speed: FloatArray, begin: IntArray, end: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Which transitions each step needs, those transitions' series, and the changes of the speed."""
+        owner = np.repeat(np.arange(begin.size), end - begin)
+        jump = np.zeros_like(speed)
+        if (speed == self.turning_at[owner]).all():
+            return owner, self._series, jump
         moving = np.flatnonzero(end > begin)
         first, last = begin[moving], end[moving] - 1
         before = np.empty_like(speed)
@@ -194,40 +191,34 @@ class Motion:
         which[first] = moving
         which[places] = len(self._series) + np.arange(places.size)
         which = which[np.maximum.accumulate(np.where(which >= 0, np.arange(speed.size), 0))]
-        series, jump = self._series, np.zeros_like(speed)
-        if places.size:
-            series = np.concatenate([series, self._series_at(speed[places])])
-            self._series = self._series.copy()
-            self._series[moving] = series[which[last]]
-            self.turning_at[moving] = speed[last]
-            if self.model == "complete":
-                jump = speed - before
+        series = np.concatenate([self._series, self._series_at(speed[places])])
+        self._series = self._series.copy()
+        self._series[moving] = series[which[last]]
+        self.turning_at[moving] = speed[last]
+        if self.model == "complete":
+            jump = speed - before
         return which, series, jump
 
-    def _turn_on(self, length: FloatArray, speed: FloatArray, begin: IntArray, end: IntArray) -> None:
-        angles = (speed * length).tolist()
-        for index, (first, last) in enumerate(zip(begin.tolist(), end.tolist(), strict=True)):
-            phase = float(self.phase[index])
-            for angle in angles[first:last]:
-                phase = math.fmod(phase + angle, _FULL_TURN)
-            self.phase[index] = phase
+    def read(self, speeds: Sequence[float]) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """What the wheels do at the speeds in force [rad/s].
 
-    def bounded(self) -> NDArray[np.bool_]:
-        """Whether each wheel's velocities and displacements are below 1e6 m/s and m."""
-        within: NDArray[np.bool_] = np.abs(self.state).max(axis=1) < _BEYOND_ALL_BOUNDS  # false for NaN
-        return within
-
-    def axle_forces(self, speeds: FloatArray) -> FloatArray:
-        """Force on each axle (x, z), REP 103 axes [N], shape (W, 2), at the speeds in force [rad/s], shape (W,)."""
-        if (speeds != self._output_at).any():
-            self._output_at = speeds.copy()
-            self._output = wheel.output_matrices(self.unit, speeds, self.model)
-        return wheel.axle_forces(self._output, self.state)
+        Returns
+        -------
+        forces : ndarray, shape (W, 2)
+            On each axle (x, z), REP 103 axes [N].
+        bounded : ndarray of bool, shape (W,)
+            Whether its velocities and displacements are below 1e6 m/s and m.
+        """
+        if speeds != self._output_at:
+            self._output_at = list(speeds)
+            self._output = wheel.output_matrices(self.unit, np.array(speeds), self.model)
+        forces, largest = self.kernels.read(self.state, self._output)
+        return forces, largest < _BEYOND_ALL_BOUNDS  # false for NaN
 
     def deflections(self, indices: Sequence[int], shape: BeltShape) -> FloatArray:
         """Radial and tangential deflection of some belts relative to the wheel centre [m], shape (len, 2, P)."""
         first = wheel.belt_amplitudes(self.state[list(indices)], self.model)
-        return shape.sums(first, self.belt.amplitudes(indices), self.kernels)
+        return self.belt.deflections(indices, first, shape)
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything that later results depend on, in JSON's types."""

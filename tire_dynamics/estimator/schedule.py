@@ -6,7 +6,7 @@ import math
 import operator
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -55,15 +55,6 @@ class _Input:
         self.in_force = sample
         return outcome
 
-    @property
-    def next_stamp(self) -> int:
-        return self.waiting[0].stamp if self.waiting else _NEVER
-
-    def let_in(self, stamp: int) -> None:
-        """Put the waiting sample of this stamp, if there is one, in force."""
-        if self.waiting and self.waiting[0].stamp == stamp:
-            self.in_force = self.waiting.pop(0)
-
     def snapshot(self) -> list[Any]:
         return [self.in_force, list(self.waiting)]
 
@@ -73,7 +64,7 @@ class _Input:
         self.waiting = [_sample(*sample) for sample in waiting]
 
 
-def _sample(stamp: int, values: Sequence[float]) -> _Sample:
+def _sample(stamp: int, values: Iterable[float]) -> _Sample:
     # a negative zero becomes a positive one, lest equal inputs differ in their bits
     return _Sample(operator.index(stamp), tuple(float(value) + 0.0 for value in values))
 
@@ -156,25 +147,37 @@ class Schedule:
         """Go on to a time [ns]; ``ValueError`` if it lies before the one reached already."""
         start: tuple[float, float, float] | None = None
         steps: list[tuple[int, float, float, float]] = []
-        if self.time is not None:
-            if stamp < self.time:
-                raise ValueError(f"stamp is {stamp}; the estimator has already reached {self.time}")
-            if not self.running and self._starts(self.time):  # with what came late
-                start = (self.speed, *self.load)
+        speeds, loads = self._speed, self._load
+        time = stamp if self.time is None else self.time
+        if stamp < time:
+            raise ValueError(f"stamp is {stamp}; the estimator has already reached {time}")
+        if self.time is not None and not self.running and self._starts(time):  # with what came late
+            start = (self.speed, *self.load)
         while True:
-            coming = min(self._speed.next_stamp, self._load.next_stamp)
-            moment = min(coming, stamp)
-            if self.running and self.time is not None:
-                if moment > self._expiry():
+            moment = stamp
+            if speeds.waiting and speeds.waiting[0].stamp < moment:
+                moment = speeds.waiting[0].stamp
+            if loads.waiting and loads.waiting[0].stamp < moment:
+                moment = loads.waiting[0].stamp
+            if self.running:
+                speed, load = speeds.in_force, loads.in_force
+                assert speed is not None and load is not None
+                if moment > min(speed.stamp, load.stamp) + self.timeout:
                     self.running = False
                     self.stops += 1
-                elif moment > self.time:
-                    steps.append((moment - self.time, self.speed, *self.load))
-            self.time = moment
-            if coming > stamp:
+                elif moment > time:
+                    steps.append((moment - time, speed.values[0], load.values[0], load.values[1]))
+            time = moment
+            let_in = False
+            if speeds.waiting and speeds.waiting[0].stamp == moment:
+                speeds.in_force = speeds.waiting.pop(0)
+                let_in = True
+            if loads.waiting and loads.waiting[0].stamp == moment:
+                loads.in_force = loads.waiting.pop(0)
+                let_in = True
+            if not let_in:
+                self.time = moment
                 return Plan(start, steps)
-            self._speed.let_in(moment)
-            self._load.let_in(moment)
             if not self.running and self._starts(moment):
                 start, steps = (self.speed, *self.load), []
 

@@ -88,16 +88,16 @@ class Outputs(NamedTuple):
         The W wheels that are in motion.
     forces : ndarray, shape (T, W, 2)
         Axle forces [x, z], REP 103 [N].
-    shown : ndarray of int, shape (M,)
-        Ticks at which the belts are due.
-    belts : ndarray, shape (M, W, 2, P)
-        Radial and tangential deflection relative to the wheel centre [m].
+    shown : list of ndarray of int, shape (M,)
+        The ticks at which each wheel's belt is due.
+    belts : list of ndarray, shape (M, 2, P)
+        Each wheel's radial and tangential deflection relative to the wheel centre [m].
     """
 
     wheels: list[int]
     forces: FloatArray
-    shown: IntArray
-    belts: FloatArray
+    shown: list[IntArray]
+    belts: list[FloatArray]
 
 
 class Vehicle:
@@ -131,8 +131,10 @@ class Vehicle:
         self.clock_resets = 0
         self.time: int | None = None
         self._shape = BeltShape(ring_angles(settings.ring_samples), belt_numbers(settings.n_max, settings.model))
-        self._ring_turn: int | None = None
-        self._belt_due = False
+        # Each wheel's belt has its own part of the period: all at one tick would take longer than the others.
+        self._ring_offsets = [k * settings.ring_period // len(settings.wheels) for k in range(len(settings.wheels))]
+        self._ring_turns: list[int | None] = [None] * len(settings.wheels)
+        self._due: list[int] = []
         self._joints: dict[tuple[str, ...], list[tuple[int, int]]] = {}
 
     def set_unit(self, unit: TireWheelUnit) -> None:
@@ -228,26 +230,28 @@ class Vehicle:
                 schedule.reset()
                 self._motion.reset(index)
         self.time = stamp
-        turn = stamp // self.settings.ring_period
-        self._belt_due = turn != self._ring_turn
-        self._ring_turn = turn
+        turns: list[int | None] = [(stamp + offset) // self.settings.ring_period for offset in self._ring_offsets]
+        self._due = [index for index, turn in enumerate(turns) if turn != self._ring_turns[index]]
+        self._ring_turns = turns
         self._motion.follow([schedule.plan(stamp) for schedule in self.schedules])
-        for schedule, bounded in zip(self.schedules, self._motion.bounded().tolist(), strict=True):
-            if schedule.running and not bounded:
-                schedule.give_up()
-        forces = self._motion.axle_forces(np.array([schedule.speed for schedule in self.schedules])).tolist()
-        return [Output(index, *forces[index]) for index in self._running()]
+        forces, bounded = self._motion.read([schedule.speed for schedule in self.schedules])
+        if not bounded.all():
+            for index in np.flatnonzero(~bounded).tolist():
+                if self.schedules[index].running:
+                    self.schedules[index].give_up()
+        numbers = forces.tolist()
+        return [Output(index, *numbers[index]) for index in self._running()]
 
     def _running(self) -> list[int]:
         return [index for index, schedule in enumerate(self.schedules) if schedule.running]
 
     def belts(self) -> list[Belt]:
-        """The belts of the wheels in motion, if they are due at the last tick and have not been asked for."""
-        running = self._running() if self._belt_due else []
-        self._belt_due = False
-        if not running:
+        """The belts of wheels in motion that are due at the last tick and have not been asked for."""
+        due = [index for index in self._due if self.schedules[index].running]
+        self._due = []
+        if not due:
             return []
-        return [Belt(*pair) for pair in zip(running, self._motion.deflections(running, self._shape), strict=True)]
+        return [Belt(*pair) for pair in zip(due, self._motion.deflections(due, self._shape), strict=True)]
 
     def drive(self, events: Events) -> Outputs | None:
         """What the same calls one by one would do, :meth:`belts` behind each tick, bit for bit, for many at once.
@@ -274,13 +278,14 @@ class Vehicle:
             elif not schedule.idle(ticks, speeds[index], loads):
                 break
         else:
-            turns = ticks // self.settings.ring_period
-            turned = np.concatenate([turns[:1] - 1 if self._ring_turn is None else [self._ring_turn], turns[:-1]])
-            shown = np.flatnonzero(turns != turned)
+            turns = (ticks + np.array(self._ring_offsets)[:, None]) // self.settings.ring_period
+            first = [turn if turn is not None else -1 for turn in self._ring_turns]  # none: before any tick
+            due = np.diff(turns, prepend=np.array(first)[:, None]) != 0
+            shown = {index: np.flatnonzero(due[index]) for index in stretches}
             result = self._motion.follow_stretches(stretches, ticks.size, shown, self._shape)
             if result is not None:
-                self.time, self._ring_turn, self._belt_due = int(ticks[-1]), int(turns[-1]), False
-                return Outputs(list(stretches), result[0], shown, result[1])
+                self.time, self._ring_turns, self._due = int(ticks[-1]), [*turns[:, -1].tolist()], []
+                return Outputs(list(stretches), result[0], list(shown.values()), result[1])
         for schedule, before in zip(self.schedules, kept, strict=True):
             schedule.put_back(before)
         self.message_counts = message_counts
@@ -343,7 +348,7 @@ class Vehicle:
         """Everything that later outputs depend on, in JSON's types; :meth:`restore` continues from it bit for bit."""
         return {
             "time": self.time,
-            "ring_turn": self._ring_turn,
+            "ring_turns": self._ring_turns,
             "wheels": [
                 {**schedule.snapshot(), **self._motion.snapshot(index)} for index, schedule in enumerate(self.schedules)
             ],
@@ -351,9 +356,8 @@ class Vehicle:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over the state of a :meth:`snapshot` of a vehicle with the same settings."""
-        self.time, self._ring_turn = (
-            None if snapshot[name] is None else operator.index(snapshot[name]) for name in ("time", "ring_turn")
-        )
+        self.time = None if snapshot["time"] is None else operator.index(snapshot["time"])
+        self._ring_turns = [None if turn is None else operator.index(turn) for turn in snapshot["ring_turns"]]
         for index, (schedule, state) in enumerate(zip(self.schedules, snapshot["wheels"], strict=True)):
             schedule.restore(state)
             self._motion.restore(index, state)

@@ -138,7 +138,7 @@ class WheelEstimator:
             The time lies before the one reached already; :meth:`reset` first if the clock was set back.
         """
         self._motion.follow([self._schedule.plan(stamp)])
-        if self._schedule.running and not self._motion.bounded()[0]:
+        if self._schedule.running and not self._motion.read([self.speed])[1][0]:
             self._schedule.give_up()
         return self._schedule.running
 
@@ -186,7 +186,7 @@ class WheelEstimator:
     @property
     def axle_force(self) -> tuple[float, float]:
         """Force on the axle (x, z), REP 103 axes [N]."""
-        x, z = self._motion.axle_forces(np.array([self.speed]))[0].tolist()
+        x, z = self._motion.read([self.speed])[0][0].tolist()
         return x, z
 
     def belt(self, shape: BeltShape) -> FloatArray:

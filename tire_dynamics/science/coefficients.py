@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .unit import TireWheelUnit
 
-__all__ = ["Coefficients", "Model", "coefficients", "mode_damping", "rest_frequency"]
+__all__ = [
+    "Coefficients",
+    "Model",
+    "coefficients",
+    "constants",
+    "formula",
+    "mode_damping",
+    "rest_frequency",
+    "twist",
+]
 
 Model = Literal["complete", "inextensional", "hybrid"]
 FloatArray = NDArray[np.float64]
@@ -40,19 +49,37 @@ def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float | FloatArray = 
     The membrane terms b = K/(a^2 rho h) are kept apart from the rest, written with a tilde:
     B C - A^2 = b (C~ + n^2 B~ - 2 n A~) + B~ C~ - A~^2. The product b^2 has cancelled, and no digits with it.
     """
-    number = np.asarray(n, dtype=np.float64)
-    square = number * number
+    return Coefficients(*formula(constants(unit), np.asarray(n, dtype=np.float64), speed))
+
+
+def constants(unit: TireWheelUnit) -> tuple[float, float, float, float, float]:
+    """What (3.5) takes of a unit: bending, membrane, pressure, k_z and k_theta, each over rho h [1/s^2]."""
     mass = unit.surface_density
-    bending = unit.bending_stiffness / (unit.radius * unit.radius * unit.radius * unit.radius) / mass
-    membrane = unit.membrane_stiffness / (unit.radius * unit.radius) / mass
-    pressure = unit.inflation_pressure / unit.radius / mass
+    return (
+        unit.bending_stiffness / (unit.radius * unit.radius * unit.radius * unit.radius) / mass,
+        unit.membrane_stiffness / (unit.radius * unit.radius) / mass,
+        unit.inflation_pressure / unit.radius / mass,
+        unit.radial_stiffness / mass,
+        unit.tangential_stiffness / mass,
+    )
+
+
+def formula(constants: tuple[float, float, float, float, float], number: Any, speed: Any) -> tuple[Any, Any, Any, Any]:
+    """(3.5) of numbers or arrays; compiled.py compiles it as it is."""
+    bending, membrane, pressure, radial_stiffness, tangential_stiffness = constants
+    square = number * number
     sigma = speed * speed + pressure  # p_0/(rho h a), the static part of the hoop tension, is the same number
     coupling = number * square * bending + 2.0 * number * sigma
-    radial = square * square * bending + unit.radial_stiffness / mass + pressure + square * sigma
-    tangential = square * bending + unit.tangential_stiffness / mass + pressure + square * sigma
+    radial = square * square * bending + radial_stiffness + pressure + square * sigma
+    tangential = square * bending + tangential_stiffness + pressure + square * sigma
     determinant = membrane * (tangential + square * radial - 2.0 * number * coupling)
     determinant = determinant + (radial * tangential - coupling * coupling)
-    return Coefficients(coupling + number * membrane, radial + membrane, tangential + square * membrane, determinant)
+    return coupling + number * membrane, radial + membrane, tangential + square * membrane, determinant
+
+
+def twist(number: Any, coupling: Any, tangential: Any) -> Any:
+    """gamma_n = (C + n A)/(A + n C), the share of the Coriolis term that is left without stretching."""
+    return (tangential + number * coupling) / (coupling + number * tangential)
 
 
 def rest_frequency(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:

@@ -5,6 +5,7 @@ Numba neither reorders nor fuses sums and products unless it is told to.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -12,13 +13,16 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from .coefficients import formula, twist
 from .elementary import COSINE, DOUBLING, EXPONENTIAL, LARGEST, PER_DOUBLING, PER_QUARTER, QUARTER, ROUND, SINE
+from .kernels import MOST_TOGETHER
 
-__all__ = ["advance_first", "advance_modes", "deflections", "series", "whirl_changes", "whirls"]
+__all__ = ["advance_first", "deflections", "follow", "read", "series", "take_up", "whirl_changes", "whirls"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+_FULL_TURN = 2.0 * math.pi
 P1, P2, P3 = QUARTER
 L1, L2 = DOUBLING
 S6, S5, S4, S3, S2, S1 = SINE
@@ -53,18 +57,19 @@ def series(table: FloatArray, speed: FloatArray) -> FloatArray:
 @_compile
 def advance_first(
     state: FloatArray,
+    phase: FloatArray,
     coefficients: FloatArray,
+    unit_step: float,
+    top_speed: float,
+    steps: FloatArray,
     which: IntArray,
-    length: FloatArray,
-    doublings: IntArray,
-    force: FloatArray,
     jump: FloatArray,
     begin: IntArray,
     stop: IntArray,
 ) -> FloatArray:
     T, W = stop.shape
     n, J = state.shape[1], coefficients.shape[1]
-    m = force.shape[1]
+    m = steps.shape[1] - 2
     R = (n + m) * n
     flat = coefficients.reshape(coefficients.shape[0], J, R)
     states = np.empty((T, W, n))
@@ -80,14 +85,20 @@ def advance_first(
                     state[w, 1] += stretch
                     state[w, 2] -= stretch
                     state[w, 3] -= shear
+                seconds = steps[i, 0] * 1e-9
+                phase[w] = np.fmod(phase[w] + steps[i, 1] * seconds, _FULL_TURN)
+                limit = unit_step * (top_speed / max(abs(steps[i, 1]), top_speed))
+                mantissa, exponent = math.frexp(seconds / limit)
+                doublings = max(0, exponent - 1 if mantissa == 0.5 else exponent)
+                length = seconds / math.ldexp(unit_step, doublings)
                 transition[:] = flat[which[i], 0]
                 power = 1.0
                 for j in range(1, J):
-                    power = power * length[i]
+                    power = power * length
                     row = flat[which[i], j]
                     for r in range(R):
                         transition[r] += row[r] * power
-                for _ in range(doublings[i]):
+                for _ in range(doublings):
                     for a in range(n + m):
                         for b in range(n):
                             total = transition[a * n] * transition[b]
@@ -104,7 +115,7 @@ def advance_first(
                         z[b] += transition[a * n + b] * state[w, a]
                 for a in range(m):
                     for b in range(n):
-                        z[b] += transition[(n + a) * n + b] * force[i, a]
+                        z[b] += transition[(n + a) * n + b] * steps[i, 2 + a]
                 for b in range(n):
                     state[w, b] = z[b] + 0.0
                 i += 1
@@ -113,22 +124,44 @@ def advance_first(
 
 
 @_compile
+def read(state: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
+    W, n = state.shape
+    force, largest = np.empty((W, 2)), np.empty(W)
+    for w in range(W):
+        largest[w] = abs(state[w, 0])
+        for c in range(2):
+            force[w, c] = output[w, 0, c] * state[w, 0]
+        for k in range(1, n):
+            size = abs(state[w, k])
+            if not size <= largest[w]:  # a NaN stays
+                largest[w] = size
+            for c in range(2):
+                force[w, c] += output[w, k, c] * state[w, k]
+    return force, largest
+
+
+_formula, _twist = _compile(formula), _compile(twist)
+
+
+@_compile
 def whirls(
-    turning: FloatArray,
-    twist: FloatArray,
-    stiffness: FloatArray,
+    constants: tuple[float, float, float, float, float],
+    numbers: FloatArray,
     damping: FloatArray,
-    radial: FloatArray,
-    tangential: FloatArray,
     force: FloatArray,
+    speeds: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    S, N = turning.shape
+    S, N = speeds.size, numbers.size
     exponents, right, left = np.empty((2, S, N, 2)), np.empty((2, S, N, 2, 2)), np.empty((2, S, N, 2, 2))
     steady = np.empty((2, S, N, 2, 2))
     for s in range(S):
         for n in range(N):
-            d, g = damping[n], twist[s, n]
-            p, q = 0.25 * d * d - g * g - stiffness[s, n], d * g
+            A, _, C, determinant = _formula(constants, numbers[n], speeds[s])
+            through = A + numbers[n] * C
+            turning = numbers[n] * speeds[s]
+            radial, tangential = numbers[n] * C / through, numbers[n] * A / through
+            d, g = damping[n], speeds[s] * _twist(numbers[n], A, C)
+            p, q = 0.25 * d * d - g * g - numbers[n] * determinant / through, d * g
             larger = np.sqrt(0.5 * (np.sqrt(p * p + q * q) + abs(p)))
             smaller = 0.5 * q / larger
             x, y = (larger, smaller) if p >= 0.0 else (smaller, larger)
@@ -136,13 +169,13 @@ def whirls(
             u, v = x + x, y + y
             square = u * u + v * v
             u, v = u / square, -v / square
-            along = radial[s, n] * force[0, n], radial[s, n] * force[1, n]
-            across = -(tangential[s, n] * force[1, n]), tangential[s, n] * force[0, n]
+            along = radial * force[0, n], radial * force[1, n]
+            across = -(tangential * force[1, n]), tangential * force[0, n]
             for k in range(2):
                 real, imaginary = (x - half, y - g) if k == 0 else (-x - half, -y - g)
                 right[0, s, n, 0, k], right[1, s, n, 0, k] = real, imaginary
                 right[0, s, n, 1, k], right[1, s, n, 1, k] = 1.0, 0.0
-                turned = imaginary + turning[s, n]
+                turned = imaginary + turning
                 exponents[0, s, n, k], exponents[1, s, n, k] = real, turned
                 # the other row of left
                 a, b = (real, imaginary) if k == 0 else (-real, -imaginary)
@@ -161,15 +194,25 @@ def whirls(
 
 @_compile
 def whirl_changes(
-    right: FloatArray, left: FloatArray, before: IntArray, after: IntArray, twist: FloatArray
+    constants: tuple[float, float, float, float, float],
+    numbers: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+    before: IntArray,
+    after: IntArray,
+    speeds: FloatArray,
 ) -> FloatArray:
-    C, N = twist.shape
-    result = np.empty((2, C, N, 2, 2))
-    for c in range(C):
+    N = numbers.size
+    result = np.empty((2, before.size, N, 2, 2))
+    for c in range(before.size):
         b, a = before[c], after[c]
+        first, second = speeds[b], speeds[a]
+        middle = np.sqrt((first * first + first * second + second * second) / 3.0)
         for n in range(N):
+            A, _, C, _ = _formula(constants, numbers[n], middle)
+            jump = (second - first) * _twist(numbers[n], A, C)
             for j in range(2):
-                real, imaginary = right[0, b, n, 0, j], right[1, b, n, 0, j] - twist[c, n]
+                real, imaginary = right[0, b, n, 0, j], right[1, b, n, 0, j] - jump
                 for i in range(2):
                     x, y = left[0, a, n, i, 0], left[1, a, n, i, 0]
                     result[0, c, n, i, j] = x * real - y * imaginary + left[0, a, n, i, 1]
@@ -224,75 +267,186 @@ def _grow(
 
 
 @_compile
-def advance_modes(
+def follow(
     own: FloatArray,
     exponents: FloatArray,
     steady: FloatArray,
     changes: FloatArray,
     offsets: FloatArray,
-    spin: IntArray,
-    change: IntArray,
-    output: IntArray,
-    first: IntArray,
-    begin: IntArray,
-    left: FloatArray,
+    length: IntArray,
     force: FloatArray,
+    changed: IntArray,
+    ends: IntArray,
+    steps_of: IntArray,
+    ends_of: IntArray,
     outputs: FloatArray,
-) -> None:
+) -> tuple[IntArray, IntArray]:
     _, W, N, K = own.shape
     size = N * K
     mu = exponents.reshape(2, exponents.shape[1], size)
     shape = steady.reshape(2, steady.shape[1], size, 2)
-    real, imaginary, quarter, doubling = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    driven, push, before = np.empty((2, size)), np.empty((2, size)), np.empty((2, size))
-    w = np.empty((2, size))
+    w, work = np.empty((2, size)), np.empty((8, size))
+    taken, spin = np.empty(W, np.int64), np.empty(ends.size, np.int64)
+    turn = 0
     for wheel in range(W):
         w[0] = own[0, wheel].copy().reshape(size)
         w[1] = own[1, wheel].copy().reshape(size)
-        for g in range(begin[wheel], begin[wheel + 1]):
-            at = spin[g]
-            if first[g + 1] > first[g]:
-                driven[:] = 0.0
-                for i in range(first[g], first[g + 1]):
-                    _grow(mu[0, at], mu[1, at], left[i], real, imaginary, quarter, doubling)
-                    f, t = force[i, 0], force[i, 1]
-                    for e in range(size):
-                        push[0, e] = shape[0, at, e, 0] * f + shape[0, at, e, 1] * t
-                        push[1, e] = shape[1, at, e, 0] * f + shape[1, at, e, 1] * t
-                    if i == first[g]:
-                        for e in range(size):
-                            a, b = w[0, e] - push[0, e], w[1, e] - push[1, e]
-                            w[0, e] = real[e] * a - imaginary[e] * b
-                            w[1, e] = real[e] * b + imaginary[e] * a
-                    else:
-                        for e in range(size):
-                            a, b = before[0, e] - push[0, e], before[1, e] - push[1, e]
-                            driven[0, e] += real[e] * a - imaginary[e] * b
-                            driven[1, e] += real[e] * b + imaginary[e] * a
-                    before[:] = push
-                for e in range(size):
-                    w[0, e] = w[0, e] + driven[0, e] + before[0, e]
-                    w[1, e] = w[1, e] + driven[1, e] + before[1, e]
-            if output[g] >= 0:
-                outputs[0, output[g]] = w[0].copy().reshape(N, K)
-                outputs[1, output[g]] = w[1].copy().reshape(N, K)
-            if change[g] >= 0:
-                c = change[g]
-                before[:] = w
-                for e in range(N):
-                    for a in range(K):
-                        p, q = before[0, e * K], before[1, e * K]
-                        r, s = changes[0, c, e, a, 0], changes[1, c, e, a, 0]
-                        x, y = r * p - s * q, r * q + s * p
-                        for b in range(1, K):
-                            p, q = before[0, e * K + b], before[1, e * K + b]
-                            r, s = changes[0, c, e, a, b], changes[1, c, e, a, b]
-                            x += r * p - s * q
-                            y += r * q + s * p
-                        w[0, e * K + a] = x + offsets[0, c, e, a]
-                        w[1, e * K + a] = y + offsets[1, c, e, a]
+        at, first, intervals = wheel, steps_of[wheel], 0
+        end = ends_of[wheel]
+        for step in range(steps_of[wheel], steps_of[wheel + 1] + 1):
+            while end < ends_of[wheel + 1] and ends[end] == step:
+                _advance_group(w, mu, shape, at, length, force, first, step, work)
+                first, intervals = step, 0
+                outputs[0, end] = w[0].copy().reshape(N, K)
+                outputs[1, end] = w[1].copy().reshape(N, K)
+                spin[end] = at
+                end += 1
+            if step == steps_of[wheel + 1]:
+                break
+            if turn < changed.size and changed[turn] == step:
+                _advance_group(w, mu, shape, at, length, force, first, step, work)
+                first, intervals = step, 0
+                _turn(w, changes, offsets, turn, work)
+                at = W + turn
+                turn += 1
+            if step == first or force[step, 0] != force[step - 1, 0] or force[step, 1] != force[step - 1, 1]:
+                if intervals == MOST_TOGETHER:
+                    _advance_group(w, mu, shape, at, length, force, first, step, work)
+                    first, intervals = step, 0
+                intervals += 1
+        taken[wheel] = first
         own[0, wheel] = w[0].copy().reshape(N, K)
         own[1, wheel] = w[1].copy().reshape(N, K)
+    return taken, spin
+
+
+@_compile
+def take_up(
+    own: FloatArray,
+    exponents: FloatArray,
+    steady: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+    wheel: int,
+    speed: float,
+    constants: tuple[float, float, float, float, float],
+    numbers: FloatArray,
+    damping: FloatArray,
+    force: FloatArray,
+    steps: FloatArray,
+    first: FloatArray,
+    rows: FloatArray,
+) -> float:
+    """What BeltMotion does with the steps of one wheel that wait, in one go; the speed after them.
+
+    ``own`` and the four fields of the spins of all wheels are changed in place for this one; ``steps`` are length,
+    speed, load and traction, (I, 4); ``rows`` (2, 2 + 2 N) is filled with what :func:`deflections` takes of this wheel.
+    """
+    I, N, C = len(steps), numbers.size, 0
+    changed, speeds = np.empty(I, np.int64), np.empty(I + 1)
+    speeds[0] = speed
+    length, held = np.empty(I, np.int64), np.empty((I, 2))
+    for i in range(I):
+        if steps[i, 1] != speeds[C]:
+            changed[C] = i
+            C += 1
+            speeds[C] = steps[i, 1]
+        length[i] = int(steps[i, 0])
+        held[i, 0], held[i, 1] = -steps[i, 2], -steps[i, 3]
+    speeds = speeds[: C + 1].copy()
+    new = whirls(constants, numbers, damping, force, speeds)
+    exponent, shape, columns, inverse = new
+    exponent[:, 0], shape[:, 0] = exponents[:, wheel], steady[:, wheel]
+    columns[:, 0], inverse[:, 0] = right[:, wheel], left[:, wheel]
+    after = np.arange(1, C + 1)
+    matrices = whirl_changes(constants, numbers, columns, inverse, after - 1, after, speeds)
+    mine, output = np.empty((2, 1, N, 2)), np.empty((2, 1, N, 2))
+    mine[:, 0] = own[:, wheel]
+    ends, none = np.array([I]), np.zeros((2, C, N, 2))
+    bounds, two = np.array([0, I]), np.array([0, 1])
+    follow(mine, exponent, shape, matrices, none, length, held, changed[:C].copy(), ends, bounds, two, output)
+    own[:, wheel] = mine[:, 0]
+    exponents[:, wheel], steady[:, wheel] = exponent[:, C], shape[:, C]
+    right[:, wheel], left[:, wheel] = columns[:, C], inverse[:, C]
+    rows[0, 0], rows[0, 1], rows[1, 0], rows[1, 1] = first[0], first[1], first[2], first[3]
+    for n in range(N):
+        x, y = 0.0, 0.0
+        for k in range(2):
+            a, b = columns[0, C, n, 1, k], columns[1, C, n, 1, k]
+            p, q = output[0, 0, n, k], output[1, 0, n, k]
+            if k == 0:
+                x, y = a * p - b * q, a * q + b * p
+            else:
+                x += a * p - b * q
+                y += a * q + b * p
+        rows[0, 2 + n], rows[0, 2 + N + n] = x, y
+        rows[1, 2 + n], rows[1, 2 + N + n] = y / numbers[n], -x / numbers[n]
+    return float(speeds[C])
+
+
+@_compile
+def _advance_group(
+    w: FloatArray,
+    mu: FloatArray,
+    shape: FloatArray,
+    at: int,
+    length: IntArray,
+    force: FloatArray,
+    first: int,
+    stop: int,
+    work: FloatArray,
+) -> None:
+    """Take the steps from the first to before the last; ``work`` is (8, size) to work in."""
+    if first == stop:
+        return
+    size = w.shape[1]
+    real, imaginary, driven, push, before = work[0], work[1], work[2:4], work[4:6], work[6:8]
+    left = 0
+    for i in range(first, stop):
+        left += length[i]
+    driven[:] = 0.0
+    for i in range(first, stop):
+        if i == first or force[i, 0] != force[i - 1, 0] or force[i, 1] != force[i - 1, 1]:
+            _grow(mu[0, at], mu[1, at], left * 1e-9, real, imaginary, push[0], push[1])
+            f, t = force[i, 0], force[i, 1]
+            for e in range(size):
+                push[0, e] = shape[0, at, e, 0] * f + shape[0, at, e, 1] * t
+                push[1, e] = shape[1, at, e, 0] * f + shape[1, at, e, 1] * t
+            if i == first:
+                for e in range(size):
+                    a, b = w[0, e] - push[0, e], w[1, e] - push[1, e]
+                    w[0, e] = real[e] * a - imaginary[e] * b
+                    w[1, e] = real[e] * b + imaginary[e] * a
+            else:
+                for e in range(size):
+                    a, b = before[0, e] - push[0, e], before[1, e] - push[1, e]
+                    driven[0, e] += real[e] * a - imaginary[e] * b
+                    driven[1, e] += real[e] * b + imaginary[e] * a
+            before[:] = push
+        left -= length[i]
+    for e in range(size):
+        w[0, e] = w[0, e] + driven[0, e] + before[0, e]
+        w[1, e] = w[1, e] + driven[1, e] + before[1, e]
+
+
+@_compile
+def _turn(w: FloatArray, changes: FloatArray, offsets: FloatArray, c: int, work: FloatArray) -> None:
+    """The jump of the coordinates with the speed."""
+    _, _, N, K, _ = changes.shape
+    before = work[:2]
+    before[:] = w
+    for e in range(N):
+        for a in range(K):
+            p, q = before[0, e * K], before[1, e * K]
+            r, s = changes[0, c, e, a, 0], changes[1, c, e, a, 0]
+            x, y = r * p - s * q, r * q + s * p
+            for b in range(1, K):
+                p, q = before[0, e * K + b], before[1, e * K + b]
+                r, s = changes[0, c, e, a, b], changes[1, c, e, a, b]
+                x += r * p - s * q
+                y += r * q + s * p
+            w[0, e * K + a] = x + offsets[0, c, e, a]
+            w[1, e * K + a] = y + offsets[1, c, e, a]
 
 
 @_compile

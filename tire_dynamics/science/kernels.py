@@ -6,16 +6,22 @@ Every sum is taken in one order, so that neither the number of wheels nor the le
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from .coefficients import formula, twist
 from .elementary import growth
 
-__all__ = ["advance_first", "advance_modes", "deflections", "series", "whirl_changes", "whirls"]
+__all__ = ["advance_first", "deflections", "follow", "read", "series", "whirl_changes", "whirls"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
+MOST_TOGETHER = 256  # intervals in one group
+_SHOWN, _CHANGED, _CUT = range(3)  # why a group ends
+_FULL_TURN = 2.0 * math.pi
 _TOGETHER, _SPEEDS_TOGETHER = 64, 16  # what is summed at once, so that it stays in the cache
 
 
@@ -46,11 +52,12 @@ def series(table: FloatArray, speed: FloatArray) -> FloatArray:
 
 def advance_first(
     state: FloatArray,
+    phase: FloatArray,
     coefficients: FloatArray,
+    unit_step: float,
+    top_speed: float,
+    steps: FloatArray,
     which: IntArray,
-    length: FloatArray,
-    doublings: IntArray,
-    force: FloatArray,
     jump: FloatArray,
     begin: IntArray,
     stop: IntArray,
@@ -61,14 +68,17 @@ def advance_first(
     ----------
     state : ndarray, shape (W, n)
         Changed in place.
+    phase : ndarray, shape (W,)
+        Angle turned, modulo 2 pi [rad]; changed in place.
     coefficients : ndarray, shape (S, J, n + m, n)
         Taylor coefficients of transposed [Phi G_0] in the step's length, at S speeds (:func:`series`).
+    unit_step, top_speed : float
+        The longest step [s] that is summed directly; beyond the top speed [rad/s] it is shorter in proportion.
+        Longer steps are doubled up.
+    steps : ndarray, shape (I, 2 + m)
+        Length [ns], speed [rad/s] and inputs of each step.
     which : ndarray of int, shape (I,)
         Coefficients of each step.
-    length : ndarray, shape (I,)
-        In the table's unit, after halving ``doublings`` times.
-    doublings : ndarray of int, shape (I,)
-    force : ndarray, shape (I, m)
     jump : ndarray, shape (I,)
         Change of the speed before the step [rad/s] where the state has Euler terms (n = 10); otherwise zero.
     begin : ndarray of int, shape (W,)
@@ -83,6 +93,14 @@ def advance_first(
     """
     T, W = stop.shape
     n = state.shape[1]
+    length, force = steps[:, 0] * 1e-9, steps[:, 2:]
+    angles = (steps[:, 1] * length).tolist()
+    for w, (first, end) in enumerate(zip(begin.tolist(), stop[-1].tolist(), strict=True)):
+        for angle in angles[first:end]:
+            phase[w] = math.fmod(phase[w] + angle, _FULL_TURN)
+    mantissa, exponent = np.frexp(length / (unit_step * (top_speed / np.maximum(np.abs(steps[:, 1]), top_speed))))
+    doublings = np.maximum(exponent - (mantissa == 0.5), 0).astype(np.int64)
+    length = length / (unit_step * 2.0**doublings)
     before = np.concatenate([begin[None, :], stop[:-1]])
     rounds = (stop - before).max(axis=1, initial=0)
     states = np.empty((T, W, n))
@@ -142,39 +160,52 @@ def _euler(state: FloatArray, change: FloatArray) -> None:
     state[:, 3] -= shear
 
 
+def read(state: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """What is put out of states (W, n): output (W, n, 2) times the state, (W, 2), and the largest size in it, (W,)."""
+    return np.add.reduce(output * state[:, :, None], axis=1), np.abs(state).max(axis=1)
+
+
 def whirls(
-    turning: FloatArray,
-    twist: FloatArray,
-    stiffness: FloatArray,
+    constants: tuple[float, float, float, float, float],
+    numbers: FloatArray,
     damping: FloatArray,
-    radial: FloatArray,
-    tangential: FloatArray,
     force: FloatArray,
+    speeds: FloatArray,
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """The eigenvalues of V' = i w V - (d + 2 i g) V - k Z + r f, Z' = V + i w Z, and what goes with them.
+    """The eigenvalues of the inextensional modes, and what goes with them.
+
+    With k = n (B C - A^2)/(A + n C), g = gamma Omega and w = n Omega,
+
+        V' = i w V - (d + 2 i g) V - k Z + r f,     Z' = V + i w Z,
+        r = force n C/(A + n C) for f_r, and i force n A/(A + n C) for f_t.
 
     Parameters
     ----------
-    turning, twist, stiffness : ndarray, shape (S, N)
-        w = n Omega, g = gamma Omega, k.
-    damping : ndarray, shape (N,)
-        d.
-    radial, tangential : ndarray, shape (S, N)
-        r is force * radial for f_r, and i force * tangential for f_t.
+    constants : tuple of float
+        Of :func:`~tire_dynamics.science.coefficients.constants`.
+    numbers, damping : ndarray, shape (N,)
+        n and d.
     force : ndarray, shape (2, N)
+    speeds : ndarray, shape (S,)
+        Omega [rad/s].
 
     Returns
     -------
     exponents, steady, right, left : ndarray
         The fields of :class:`~tire_dynamics.science.modes.Spins`; right = [[s+, s-], [1, 1]], s = mu - i w.
     """
-    real = 0.25 * damping * damping - twist * twist - stiffness
-    imaginary = damping * twist
+    A, _, C, determinant = formula(constants, numbers, speeds[:, None])
+    through = A + numbers * C
+    turning, twisting = numbers * speeds[:, None], speeds[:, None] * twist(numbers, A, C)
+    stiffness = numbers * determinant / through
+    radial, tangential = numbers * C / through, numbers * A / through
+    real = 0.25 * damping * damping - twisting * twisting - stiffness
+    imaginary = damping * twisting
     larger = np.sqrt(0.5 * (np.sqrt(real * real + imaginary * imaginary) + np.abs(real)))
     smaller = 0.5 * imaginary / larger
     root = np.stack([np.where(real >= 0.0, larger, smaller), np.where(real >= 0.0, smaller, larger)])
     half = 0.5 * damping
-    slow = np.stack([np.stack([root[0] - half, -root[0] - half]), np.stack([root[1] - twist, -root[1] - twist])])
+    slow = np.stack([np.stack([root[0] - half, -root[0] - half]), np.stack([root[1] - twisting, -root[1] - twisting])])
     slow = np.ascontiguousarray(np.moveaxis(slow, 1, -1))  # (2, S, N, 2)
     exponents = slow.copy()
     exponents[1] += turning[..., None]
@@ -191,23 +222,149 @@ def whirls(
 
 
 def whirl_changes(
-    right: FloatArray, left: FloatArray, before: IntArray, after: IntArray, twist: FloatArray
+    constants: tuple[float, float, float, float, float],
+    numbers: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+    before: IntArray,
+    after: IntArray,
+    speeds: FloatArray,
 ) -> FloatArray:
-    """left[after] J right[before] of jumps that take V to V - i twist Z, shape (2, C, N, 2, 2).
+    """left[after] J right[before] of jumps of the speed, shape (2, C, N, 2, 2); J takes V to V - i gamma change Z.
 
     Parameters
     ----------
+    constants, numbers
+        As for :func:`whirls`.
     right, left : ndarray, shape (2, S, N, 2, 2)
     before, after : ndarray of int, shape (C,)
-    twist : ndarray, shape (C, N)
+        Places in ``speeds`` (S,) [rad/s]. gamma is that of the root of the mean square.
     """
+    first, second = speeds[before], speeds[after]
+    middle = np.sqrt((first * first + first * second + second * second) / 3.0)
+    A, _, C, _ = formula(constants, numbers, middle[:, None])
     jumped = right[:, before][..., 0, :]  # V of each column; Z is 1
-    jumped[1] -= twist[..., None]
+    jumped[1] -= ((second - first)[:, None] * twist(numbers, A, C))[..., None]
     lefts = left[:, after]
     return _times(lefts[..., :1], jumped[..., None, :]) + lefts[..., 1:]
 
 
-def advance_modes(
+def follow(
+    own: FloatArray,
+    exponents: FloatArray,
+    steady: FloatArray,
+    changes: FloatArray,
+    offsets: FloatArray,
+    length: IntArray,
+    force: FloatArray,
+    changed: IntArray,
+    ends: IntArray,
+    steps_of: IntArray,
+    ends_of: IntArray,
+    outputs: FloatArray,
+) -> tuple[IntArray, IntArray]:
+    """The modes beside n = 1 over a stretch of time, under forces that are held over each step.
+
+    Steps under one force are taken as one interval. The stretch of each wheel is cut into groups of intervals where its
+    state is put out, where its speed changes, and where a group would have more than 256 intervals. Over a group,
+
+        w <- exp(mu r_0) (w - s_0) + sum_(i > 0) exp(mu r_i) (s_(i-1) - s_i) + s_last,
+
+    r_i the time from the begin of interval i to the end of the group, s_i the steady state under its force. What
+    stands behind the last end of a group is left to the next call.
+
+    Parameters
+    ----------
+    own : ndarray, shape (2, W, N, k)
+        w, (real, imaginary) along the first axis, as everywhere here; changed in place.
+    exponents, steady : ndarray, shapes (2, W + C, N, k) and (2, W + C, N, k, 2)
+        Of :class:`~tire_dynamics.science.modes.Spins`, at the speeds of the wheels, then behind each of C changes.
+    changes, offsets : ndarray, shapes (2, C, N, k, k) and (2, C, N, k)
+        Of :meth:`~tire_dynamics.science.modes.RingModes.changes`.
+    length : ndarray of int, shape (I,)
+        Of each step [ns], wheel after wheel.
+    force : ndarray, shape (I, 2)
+        f_r (outward), f_t (along increasing psi) [N].
+    changed : ndarray of int, shape (C,)
+        The steps before which the speed changes, ascending.
+    ends : ndarray of int, shape (M,)
+        The steps before which the state is put out, wheel after wheel, ascending in each.
+    steps_of, ends_of : ndarray of int, shape (W + 1,)
+        First step and first end of each wheel.
+    outputs : ndarray, shape (2, M, N, k)
+        Filled with w at the ends.
+
+    Returns
+    -------
+    taken : ndarray of int, shape (W,)
+        The first step of each wheel that is left.
+    spin : ndarray of int, shape (M,)
+        At which of the speeds each output is.
+    """
+    W = own.shape[1]
+    begin, sizes = steps_of[:-1], np.diff(steps_of)
+    fresh = np.zeros(length.size + 1, dtype=bool)  # whether another interval begins with this step
+    fresh[1:-1] = (force[1:] != force[:-1]).any(axis=1)
+    fresh[begin] = fresh[changed] = fresh[ends] = True
+    starts = np.flatnonzero(fresh[:-1])
+    clock = np.concatenate([[0], np.cumsum(length)])  # [ns]
+
+    # What ends a group, in order: its state is put out, then the speed changes.
+    place = np.concatenate([ends, changed])
+    kind = np.repeat([_SHOWN, _CHANGED], [ends.size, changed.size])
+    whose = np.concatenate(
+        [np.repeat(np.arange(W), np.diff(ends_of)), np.searchsorted(steps_of, changed, side="right") - 1]
+    )
+    order = np.lexsort([kind, place, whose])
+    place, kind, whose = place[order], kind[order], whose[order]
+    place, kind, whose = _cut_long_groups(place, kind, whose, starts, begin, sizes)
+
+    leads = np.concatenate([[True], whose[1:] != whose[:-1]])[: place.size]
+    previous = np.where(leads, begin[whose], np.concatenate([[0], place[:-1]])[: place.size])
+    first, stop = np.searchsorted(starts, previous), np.searchsorted(starts, place)
+    count = stop - first
+    kept = np.repeat(first - (np.cumsum(count) - count), count) + np.arange(count.sum())
+    left = (np.repeat(clock[place], count) - clock[starts[kept]]) * 1e-9
+
+    turned, shown = kind == _CHANGED, kind == _SHOWN
+    passed = np.cumsum(turned) - turned
+    in_wheel = passed - np.repeat(passed[leads], np.diff(np.append(np.flatnonzero(leads), place.size)))
+    spin = np.where(in_wheel > 0, W + passed - 1, whose)
+    output, change = np.full(place.size, -1), np.full(place.size, -1)
+    output[shown], change[turned] = np.arange(ends.size), np.arange(changed.size)
+    groups = np.searchsorted(whose, np.arange(W + 1))
+    _advance_groups(
+        own, exponents, steady, changes, offsets, spin, change, output,
+        np.concatenate([[0], np.cumsum(count)]), groups, left, force[starts[kept]], outputs,
+    )  # fmt: skip
+    taken = begin.copy()
+    taken[whose] = place  # the last one stays
+    return taken, spin[shown]
+
+
+def _cut_long_groups(
+    place: IntArray, kind: IntArray, whose: IntArray, starts: IntArray, begin: IntArray, sizes: IntArray
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Ends of groups, with more of them where one would have over _MOST_TOGETHER intervals."""
+    wheels = np.arange(sizes.size)
+    edges = np.concatenate([place, begin, begin + sizes])
+    ranks = np.repeat([1, 0, 2], [place.size, wheels.size, wheels.size])
+    owners = np.concatenate([whose, wheels, wheels])
+    order = np.lexsort([ranks, edges, owners])
+    at = np.searchsorted(starts, edges[order])
+    many = np.flatnonzero((np.diff(at) > MOST_TOGETHER) & (np.diff(owners[order]) == 0))
+    if not many.size:
+        return place, kind, whose
+    more = [np.arange(at[k] + MOST_TOGETHER, at[k + 1], MOST_TOGETHER) for k in many]
+    cuts = starts[np.concatenate(more)]
+    mine = np.repeat(owners[order][many], [each.size for each in more])
+    place, whose = np.concatenate([place, cuts]), np.concatenate([whose, mine])
+    kind = np.concatenate([kind, np.full(cuts.size, _CUT)])
+    order = np.lexsort([kind, place, whose])
+    return place[order], kind[order], whose[order]
+
+
+def _advance_groups(
     own: FloatArray,
     exponents: FloatArray,
     steady: FloatArray,
@@ -222,36 +379,8 @@ def advance_modes(
     force: FloatArray,
     outputs: FloatArray,
 ) -> None:
-    """The modes beside n = 1 over a stretch of time, under forces that are held over intervals.
-
-    The stretch of each wheel is cut into groups of intervals at one speed; after a group its state may be put out, or
-    the speed may change. Over a group,
-
-        w <- exp(mu r_0) (w - s_0) + sum_(i > 0) exp(mu r_i) (s_(i-1) - s_i) + s_last,
-
-    r_i the time from the begin of interval i to the end of the group, s_i the steady state under its force.
-
-    Parameters
-    ----------
-    own : ndarray, shape (2, W, N, k)
-        w, (real, imaginary) along the first axis, as everywhere here; changed in place.
-    exponents, steady : ndarray, shapes (2, S, N, k) and (2, S, N, k, 2)
-        Of :class:`~tire_dynamics.science.modes.Spins`.
-    changes, offsets : ndarray, shapes (2, C, N, k, k) and (2, C, N, k)
-        Of :meth:`~tire_dynamics.science.modes.RingModes.changes`.
-    spin, change, output : ndarray of int, shape (G,)
-        Of each group: its speed; the change after it, and the place of its end in ``outputs``, -1 for none.
-    first : ndarray of int, shape (G + 1,)
-        First interval of each group.
-    begin : ndarray of int, shape (W + 1,)
-        First group of each wheel.
-    left : ndarray, shape (I,)
-        r_i [s].
-    force : ndarray, shape (I, 2)
-        f_r (outward), f_t (along increasing psi) [N].
-    outputs : ndarray, shape (2, M, N, k)
-        Filled with w at the ends of the groups that are put out.
-    """
+    """:func:`follow` for groups: speed of each, change after it, place in the outputs (-1 for none), first interval;
+    first group of each wheel; r_i [s] and force of each interval."""
     count = np.diff(first)
     spin_of = np.repeat(spin, count)
     grown = np.stack(

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import kernels
-from .coefficients import Model, coefficients, mode_damping
+from .coefficients import Model, coefficients, constants, mode_damping, twist
 from .elementary import cos_sin
 from .stepping import Steps
 from .unit import TireWheelUnit
@@ -116,6 +116,8 @@ class RingModes:
         else:
             turned = np.array([cmath.exp(1j * n * angle) for n in self.numbers])
         self._force = spread * turned / modal_mass
+        self.parts = constants(unit), self.numbers, self.damping, np.stack([self._force.real, self._force.imag])
+        """What the kernels take of the modes."""
 
     def at(self, speed: float) -> SpinningModes:
         """The modes at a constant speed [rad/s]."""
@@ -162,16 +164,7 @@ class RingModes:
             fields = [[at.exponents, at.steady_shapes(), at.right, at.left] for at in each]
             stacked = (np.stack(field) for field in zip(*fields, strict=True))
             return Spins(*(np.stack([field.real, field.imag]) for field in stacked))
-        speed = speeds[:, None]
-        A, _, C, determinant = coefficients(self.unit, self.numbers, speed)
-        n = self.numbers
-        through = A + n * C
-        return Spins(
-            *kernels.whirls(
-                n * speed, speed * self._gamma(A, C), n * determinant / through, self.damping,
-                n * C / through, n * A / through, np.stack([self._force.real, self._force.imag]),
-            )
-        )  # fmt: skip
+        return Spins(*kernels.whirls(*self.parts, speeds))
 
     def changes(
         self, spins: Spins, speeds: FloatArray, before: IntArray, after: IntArray, kernels: ModuleType = kernels
@@ -194,12 +187,12 @@ class RingModes:
         -----
         The state x jumps by the integral of the Euler terms over the jump, as in :meth:`change_speed`.
         """
-        first, second = speeds[before, None], speeds[after, None]
         if self.model != "complete":
-            twist = (second - first) * self._middle_gamma(first, second)
-            matrix = kernels.whirl_changes(spins.right, spins.left, before, after, twist)
+            matrix = kernels.whirl_changes(
+                constants(self.unit), self.numbers, spins.right, spins.left, before, after, speeds
+            )
             return matrix, np.zeros(matrix.shape[:-1])
-        change = (second - first)[..., None]
+        change = (speeds[after] - speeds[before])[:, None, None]
         right, left = spins.right[:, before], spins.left[:, after]
         jumped = right.copy()
         jumped[..., 0, :] += change * right[..., 3, :]
@@ -217,18 +210,16 @@ class RingModes:
             jumped[..., 0] += change * state[..., 3]
             jumped[..., 1] -= change * (state[..., 2] + self.unit.radius * (self.numbers == 0.0))
         else:
-            jumped[..., 0] -= 1j * change * self._middle_gamma(before, after) * state[..., 1]
+            mean_square = (before * before + before * after + after * after) / 3.0  # gamma depends on Omega^2
+            middle = coefficients(self.unit, self.numbers, math.sqrt(mean_square))
+            jumped[..., 0] -= 1j * change * self._gamma(middle.coupling, middle.tangential) * state[..., 1]
         return jumped
-
-    def _middle_gamma(self, before: float | FloatArray, after: float | FloatArray) -> FloatArray:
-        mean_square = (before * before + before * after + after * after) / 3.0  # gamma depends on Omega^2
-        middle = coefficients(self.unit, self.numbers, np.sqrt(mean_square))
-        return self._gamma(middle.coupling, middle.tangential)
 
     def _gamma(self, A: FloatArray, C: FloatArray) -> FloatArray:
         if self.model == "hybrid":
             return np.zeros_like(A)
-        return (C + self.numbers * A) / (A + self.numbers * C)
+        gamma: FloatArray = twist(self.numbers, A, C)
+        return gamma
 
     def integrate(self, steps: Steps, force: FloatArray, *, steady: bool) -> ComplexArray:
         """States at the N samples between which the steps lie, shape (N, modes, k).

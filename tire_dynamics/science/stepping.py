@@ -99,24 +99,15 @@ class ExactStepper:
 
     def limit(self, speed: float) -> float:
         """The longest step [s] that is evaluated directly at a speed >= 0: no term outgrows its size in the table."""
-        if speed <= self.top_speed:
-            return self.longest_step
-        return self.longest_step * (self.top_speed / speed) ** self.order
+        limit = self.longest_step
+        for _ in range(self.order):
+            limit *= self.top_speed / max(speed, self.top_speed)
+        return limit
 
     def series(self, speeds: FloatArray, kernels: ModuleType) -> FloatArray:
         """Taylor coefficients in the step's length of transposed [Phi G_0] at speeds [rad/s], (S, J, n + m, n)."""
         coefficients: FloatArray = kernels.series(self._held, speeds / self.top_speed)
         return coefficients.reshape(*coefficients.shape[:2], -1, self.states)
-
-    def doublings(self, steps: FloatArray, speeds: FloatArray) -> NDArray[np.int64]:
-        """How often steps [s] at speeds >= 0 [rad/s] have to be halved to be summed directly."""
-        limit = np.full(speeds.shape, self.longest_step)
-        fast = speeds > self.top_speed
-        if fast.any():
-            limit[fast] = [self.limit(speed) for speed in speeds[fast].tolist()]
-        mantissa, exponent = np.frexp(steps / limit)
-        doublings: NDArray[np.int64] = np.maximum(exponent - (mantissa == 0.5), 0).astype(np.int64)
-        return doublings
 
     def at(self, speed: float) -> SpinningStepper:
         """The stepper at a constant speed [rad/s]."""

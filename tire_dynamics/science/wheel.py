@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg, optimize
+from scipy import linalg
 
 from . import floquet
 from .coefficients import coefficients, mode_damping
@@ -217,7 +217,8 @@ def axle_force(unit: TireWheelUnit, speed: float, state: FloatArray, model: Mode
 def output_matrices(unit: TireWheelUnit, speeds: FloatArray, model: Model = "inextensional") -> FloatArray:
     """Transposed matrices that take states to axle forces at speeds [rad/s] of shape (...,), shape (..., n, 2)."""
     system = fixed_frame(unit, model)
-    matrices: FloatArray = system.output.T + speeds[..., None, None] * system.output_spin.T
+    # in C order, lest NumPy add the products of a row in pairs
+    matrices: FloatArray = np.ascontiguousarray(system.output.T + speeds[..., None, None] * system.output_spin.T)
     return matrices
 
 
@@ -462,8 +463,27 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
         (before, after), (low, high) = middles[k : k + 2], heights[k : k + 2]
         if (low > noise) != (high > noise):
             opposite = low < 0.0 < high or high < 0.0 < low
-            speed = optimize.brentq(abscissa, before, after, xtol=1e-6) if opposite else candidate
+            speed = _root(abscissa, before, after, low, high) if opposite else candidate
             yield float(speed), high > noise
+
+
+def _root(f: Callable[[float], float], a: float, b: float, f_a: float, f_b: float) -> float:
+    """Where f changes its sign between a and b, to 1e-6; by the Illinois method, which keeps the root enclosed."""
+    while abs(b - a) > 1e-6:
+        c = b - f_b * (b - a) / (f_b - f_a)
+        if not min(a, b) < c < max(a, b):
+            c = 0.5 * (a + b)
+        f_c = f(c)
+        if f_c == 0.0:
+            return c
+        if (f_c < 0.0) != (f_b < 0.0):
+            a, f_a = b, f_b
+        else:
+            f_a *= 0.5
+        if abs(c - b) < 1e-7:  # the root is this close, on one side or the other
+            return c
+        b, f_b = c, f_c
+    return b
 
 
 def _kronecker_sum(F: FloatArray) -> FloatArray:
