@@ -8,6 +8,7 @@ import os
 import random
 import struct
 import threading
+import time
 from contextlib import ExitStack
 
 import numpy as np
@@ -491,6 +492,35 @@ def test_stamps_ascend_one_period_apart_and_never_lie_ahead(bench):
     regular = differences % period == 0
     assert np.count_nonzero(~regular) <= 25
     assert np.median(differences) == period
+
+
+def test_paced_by_its_caller(ros_domain):
+    """Deadlines one period apart: what is missed altogether is counted and left out, and no tick comes in a bunch."""
+    context = Context()
+    context.init(args=[], domain_id=ros_domain)
+    node = TireDynamicsNode(context=context, arguments=["--ros-args", "-p", "rate_hz:=100.0"], paced=True)
+    period = 0.01
+    try:
+        def ticks() -> tuple[int, int]:
+            values = {pair.key: pair.value for pair in node._node_status().values}
+            return int(values["ticks"]), int(values["ticks missed"])
+
+        for _ in range(50):
+            time.sleep(max(0.0, node.until_tick()))
+            node.pace()
+            node.pace()  # not due again
+        assert ticks()[0] == 50
+        before = sum(ticks())
+        lost = time.monotonic()
+        time.sleep(0.3)
+        late = -node.until_tick()
+        node.pace()
+        assert node.until_tick() > -(time.monotonic() - lost - 0.3) - period  # one tick, not thirty
+        done, missed = ticks()
+        assert done == 51 and done + missed - before == pytest.approx(late / period, abs=2)
+    finally:
+        node.close()
+        context.try_shutdown()
 
 
 def test_ring_messages(bench):

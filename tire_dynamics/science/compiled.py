@@ -342,11 +342,11 @@ def take_up(
     ``own`` and the four fields of the spins of all wheels are changed in place for this one; ``steps`` are length,
     speed, load and traction, (I, 4); ``rows`` (2, 2 + 2 N) is filled with what :func:`deflections` takes of this wheel.
     """
-    I, N, C = len(steps), numbers.size, 0
-    changed, speeds = np.empty(I, np.int64), np.empty(I + 1)
+    count, N, C = len(steps), numbers.size, 0
+    changed, speeds = np.empty(count, np.int64), np.empty(count + 1)
     speeds[0] = speed
-    length, held = np.empty(I, np.int64), np.empty((I, 2))
-    for i in range(I):
+    length, held = np.empty(count, np.int64), np.empty((count, 2))
+    for i in range(count):
         if steps[i, 1] != speeds[C]:
             changed[C] = i
             C += 1
@@ -362,8 +362,8 @@ def take_up(
     matrices = whirl_changes(constants, numbers, columns, inverse, after - 1, after, speeds)
     mine, output = np.empty((2, 1, N, 2)), np.empty((2, 1, N, 2))
     mine[:, 0] = own[:, wheel]
-    ends, none = np.array([I]), np.zeros((2, C, N, 2))
-    bounds, two = np.array([0, I]), np.array([0, 1])
+    ends, none = np.array([count]), np.zeros((2, C, N, 2))
+    bounds, two = np.array([0, count]), np.array([0, 1])
     follow(mine, exponent, shape, matrices, none, length, held, changed[:C].copy(), ends, bounds, two, output)
     own[:, wheel] = mine[:, 0]
     exponents[:, wheel], steady[:, wheel] = exponent[:, C], shape[:, C]
