@@ -15,6 +15,8 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 endif
 
+BENCHMARKS := step replay stability start live
+
 .PHONY: help run test lint types bench clean
 
 help:  ## this list
@@ -32,8 +34,10 @@ lint: $(READY)  ## ruff
 types: $(READY)  ## mypy
 	$(PY) -m mypy
 
-bench: $(READY)  ## every benchmark, one after the other
-	@set -e; for benchmark in benchmarks/*.py; do echo "== $$benchmark"; $(PY) "$$benchmark"; done
+bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
+	@mkdir -p build/bench
+	@set -e; for name in $(BENCHMARKS); do \
+		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
 
 clean:  ## remove .venv and everything that was built
 	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -12,6 +12,7 @@ if {"install", "develop"} & set(sys.argv):
 # ROS 2 Jazzy comes as wheels for this platform only; elsewhere the extra installs nothing and a ROS
 # installation provides rclpy.
 ROS_WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
+DASK = "distributed>=2024.1"
 
 setup(
     name="tire_dynamics",
@@ -25,6 +26,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/tire_dynamics"]),
         ("share/tire_dynamics", ["package.xml"]),
         ("share/tire_dynamics/config", glob("config/*.yaml")),
+        ("share/tire_dynamics/config/sros2", glob("config/sros2/*.xml")),
         ("share/tire_dynamics/launch", glob("launch/*.launch.py")),
     ],
     zip_safe=True,
@@ -46,7 +48,8 @@ setup(
         ],
         "plot": ["matplotlib>=3.6"],
         "fast": ["numba>=0.58"],  # the loops compiled; the results have the same bits without
-        "test": ["pytest>=7.4", "hypothesis>=6.98", "ruff", "mypy", "types-PyYAML", "scipy-stubs"],
+        "cluster": [DASK],  # Dask: replays and maps on several machines
+        "test": ["pytest>=7.4", "hypothesis>=6.98", "ruff", "mypy", "types-PyYAML", "scipy-stubs", DASK],
     },
     entry_points={"console_scripts": scripts},
 )

@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import platform
+import resource
 import statistics
 import sys
 from collections.abc import Iterable, Sequence
@@ -54,7 +55,7 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None
 def machine() -> dict[str, Any]:
     """The kind of machine and the versions that the figures depend on."""
     versions = {}
-    for package in ("numpy", "scipy", "numba", "mcap", "rosbags", "ros-jazzy-rclpy"):
+    for package in ("numpy", "scipy", "numba", "mcap", "mcap-ros2-support", "rosbags", "ros-jazzy-rclpy"):
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
@@ -81,6 +82,22 @@ def write_json(path: str | None, subject: str, figures: Any) -> None:
         with open(path, "w", encoding="utf-8") as file:
             json.dump({"subject": subject, "machine": machine(), "figures": figures}, file, indent=1)
             file.write("\n")
+
+
+def peak_memory() -> float:
+    """The highest resident memory of this process [MiB].
+
+    On Linux the kernel's ru_maxrss starts from that of the process which started this one; VmHWM does not.
+    """
+    try:
+        with open("/proc/self/status", encoding="utf-8") as file:
+            for line in file:
+                if line.startswith("VmHWM:"):
+                    return int(line.split()[1]) / 1024.0
+    except OSError:
+        pass
+    unit = 1.0 if sys.platform == "darwin" else 1024.0
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
 
 
 def _cpu() -> str:

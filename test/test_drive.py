@@ -214,7 +214,9 @@ def test_compiled_kernels_have_the_same_bits(seed, complete):
     table[0] = 0.0
     table[0, 0, : n * n] = np.eye(n).ravel()  # a step of no length changes nothing
     speeds = rng.uniform(-1.0, 1.0, 9)
-    found = [module.series(table, speeds) for module in (kernels, compiled)]
+    found = [np.empty((9, J, table.shape[2])) for _ in range(2)]
+    for module, result in zip((kernels, compiled), found, strict=True):
+        module.series(table, speeds, result)
     assert np.array_equal(*found)
 
     counts = rng.integers(0, 4, (T, W))

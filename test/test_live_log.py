@@ -225,14 +225,15 @@ def raw(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
     """By topic: publish stamp and bytes of every message, in the order of the file, read with the mcap library."""
     from mcap.stream_reader import StreamReader
 
-    (file,) = folder.glob("*.mcap")
+    files = [folder] if folder.is_file() else sorted(folder.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
     topics, found = {}, {}
-    with open(file, "rb") as stream:
-        for record in StreamReader(stream, validate_crcs=True).records:
-            if type(record).__name__ == "Channel":
-                topics[record.id] = record.topic
-            elif type(record).__name__ == "Message":
-                found.setdefault(topics[record.channel_id], []).append((record.publish_time, record.data))
+    for file in files:
+        with open(file, "rb") as stream:
+            for record in StreamReader(stream, validate_crcs=True).records:
+                if type(record).__name__ == "Channel":
+                    topics[record.id] = record.topic
+                elif type(record).__name__ == "Message":
+                    found.setdefault(topics[record.channel_id], []).append((record.publish_time, record.data))
     return found
 
 
@@ -371,6 +372,41 @@ def test_a_live_log_replays_bit_for_bit(peer, tmp_path):
     items = [item for status in diagnosis.status[1:] for item in status.values]
     stops = [int(item.value) for item in items if item.key == "stops for stale inputs"]
     assert min(stops) >= 1
+
+
+@pytest.mark.parametrize("limit", ["log.max_duration_s:=0.6", "log.max_size_mb:=0.3"])
+def test_a_log_in_several_files(peer, tmp_path, limit):
+    """The folder is one log; and each file can be replayed for itself, from its own record on."""
+    wheels = ["left", "right"]
+    directory = f"log.directory:={tmp_path / 'logs'}"
+    with live_node("-p", "wheels:=[left, right]", "-p", directory, "-p", limit) as node:
+        peer.hear("/left/axle_wrench")
+        drive = Drive(peer, wheels, seed=6)
+        drive.start()
+        try:
+            peer.until(lambda: len(peer.heard["/left/axle_wrench"]) > 1000, "axle wrenches")
+        finally:
+            drive.stop()
+        end(node)
+    log = only_log(tmp_path / "logs")
+    files = sorted(log.glob("*.mcap"))
+    assert len(files) > 2
+    with Reader(log) as reader:
+        assert reader.message_count == sum(1 for _ in reader.messages())
+    replay(log, tmp_path / "again")
+    assert_replayed(log, tmp_path / "again", wheels)
+
+    written = {name: dict(messages) for name, messages in raw(log).items()}  # by stamp
+    filled = [file for file in files[1:-1] if len(raw(file).get("/left/load", [])) > 100]  # some stand after the drive
+    assert filled
+    for number, file in enumerate(filled):
+        ((begin, _), *_) = raw(file)["/tire_dynamics/log_record"]
+        replay(file, tmp_path / f"file_{number}")
+        found = raw(tmp_path / f"file_{number}")
+        for wheel in wheels:
+            forces = {stamp: data for stamp, data in found[f"/{wheel}/axle_wrench"] if stamp > begin}
+            assert len(forces) > 20
+            assert all(written[f"/{wheel}/axle_wrench"][stamp] == data for stamp, data in forces.items())
 
 
 def test_a_parameter_file_gives_the_same_live_and_in_the_replay(peer, tmp_path):

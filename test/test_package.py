@@ -114,6 +114,7 @@ def test_what_ros_looks_up_is_installed_where_it_looks():
         f"share/ament_index/resource_index/packages/{name}",
         f"share/{name}/package.xml",
         f"share/{name}/config/table_1.yaml",
+        f"share/{name}/config/sros2/tire_dynamics.policy.xml",
         f"share/{name}/config/vehicle.yaml",
         f"share/{name}/launch/tire_dynamics.launch.py",
     } == set(installed)

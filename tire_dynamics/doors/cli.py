@@ -15,6 +15,7 @@ from .errors import InputError
 __all__ = ["main", "node"]
 
 _MAX_RPM = 1e7
+_MAX_LINE = 2000  # characters of an error: a stranger's file may have a million topics to list
 UNUSABLE = 2  # exit status for input that cannot be used
 
 
@@ -53,8 +54,15 @@ def node() -> int:
 
 
 def _refuse(error: InputError) -> int:
-    print(f"tire-dynamics: {' '.join(str(error).split())}", file=sys.stderr)
+    print(f"tire-dynamics: {_one_line(str(error))}", file=sys.stderr)
     return UNUSABLE
+
+
+def _one_line(text: str) -> str:
+    """A text as one line of what a terminal can show, not endless; names in it may be a stranger's."""
+    text = " ".join(text.split())
+    text = text if len(text) <= _MAX_LINE else f"{text[:_MAX_LINE]} ..."
+    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -67,11 +75,32 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
 
     command = commands.add_parser("replay", help="run a bag through the same logic as the live node")
-    command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file: inputs, or a log of the node")
+    command.description = (
+        "Runs a bag through the same logic as the live node. With several bags, and with --jobs or --scheduler also "
+        "with one, OUT is a folder with a bag of the same name for each; a bag that cannot be replayed is named, and "
+        "the others go on."
+    )
+    command.add_argument(
+        "input", metavar="IN", nargs="+", help="a rosbag2 folder or a .mcap file: inputs, or a log of the node"
+    )
     command.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
     command.add_argument("--config", metavar="YAML", help="parameters of the node, or the fields of one unit")
-    command.add_argument("--force", action="store_true", help="replace OUT if it exists")
+    command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
+    from . import jobs
+
+    jobs.add_arguments(command, "the bags")
     command.set_defaults(run=_replay)
+
+    command = commands.add_parser("recover", help="a whole bag of what a truncated or damaged one still holds")
+    command.description = (
+        "Makes a whole bag of what a truncated or damaged one still holds, and says what was kept and what was lost. "
+        "IN is never changed."
+    )
+    command.add_argument("input", metavar="IN", help="a .mcap file, or a folder of some, with metadata.yaml or without")
+    command.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
+    command.add_argument("--force", action="store_true", help="replace OUT if it exists")
+    command.add_argument("--json", action="store_true", help="say it as JSON")
+    command.set_defaults(run=_recover)
 
     command = commands.add_parser("play", help="publish a bag's messages live")
     command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file")
@@ -150,14 +179,26 @@ def _play(options: argparse.Namespace) -> int:
     return 0
 
 
+def _recover(options: argparse.Namespace) -> int:
+    from .recover import run
+
+    return run(options)
+
+
 def _replay(options: argparse.Namespace) -> int:
+    if len(options.input) > 1 or options.jobs is not None or options.scheduler is not None:
+        from . import batch
+
+        return UNUSABLE if batch.run(options) else 0
     from .replay import replay
 
-    summary = replay(options.input, options.output, config=options.config, force=options.force)
+    [source] = options.input
+    summary = replay(source, options.output, config=options.config, force=options.force)
     if summary.damage:
-        print(f"{options.input} is damaged: {summary.damage}; what stands before was replayed", file=sys.stderr)
+        print(_one_line(f"{source} is damaged: {summary.damage}; what stands before was replayed"), file=sys.stderr)
     total = sum(summary.received.values())
-    print(f"{options.output}: {total} messages in, {sum(summary.written.values())} out", file=sys.stderr)
+    written = sum(summary.written.values())
+    print(_one_line(f"{options.output}: {total} messages in, {written} out"), file=sys.stderr)
     return 0
 
 

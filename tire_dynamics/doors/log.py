@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import Counter, deque
 from collections.abc import Mapping
+from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
 
@@ -16,6 +18,7 @@ __all__ = ["Log"]
 
 _FLUSH_INTERVAL = 1.0  # [s]: what a killed process can lose
 _PAUSE = 0.02  # [s] between two looks at what is waiting; to be woken by each message would cost more than to write it
+_NOTHING = 100_000  # [bytes] of a file: declarations without messages
 _PATIENCE = 30.0  # [s] that closing waits for the disk
 
 
@@ -35,6 +38,8 @@ class Log:
         Message type and QoS profile by full topic name.
     queue_size : int
     compression : {"zstd", "lz4", "none"}
+    max_size, max_duration : float
+        Bytes and seconds after which the bag goes on in another file; 0 for never.
 
     Attributes
     ----------
@@ -44,15 +49,25 @@ class Log:
         Why the log ended, if it did.
     dropped : Counter
         Messages that were not logged, by topic.
+    files : int
+        How many files there are by now.
     """
 
     def __init__(
-        self, directory: Path, topics: Mapping[str, tuple[str, str]], queue_size: int, compression: str
+        self,
+        directory: Path,
+        topics: Mapping[str, tuple[str, str]],
+        queue_size: int,
+        compression: str,
+        max_size: float = 0.0,
+        max_duration: float = 0.0,
     ) -> None:
         self.folder = directory / f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
         self.error: str | None = None
         self.dropped: Counter[str] = Counter()
         self.written = 0
+        self.files = 1
+        self._max_size, self._max_duration = max_size or math.inf, max_duration or math.inf
         self._topics = dict(topics)
         self._queue_size = queue_size
         self._compression = "" if compression == "none" else compression
@@ -95,6 +110,11 @@ class Log:
         """Ask the thread to write what is waiting and to finish the bag. Does not wait; no message may follow."""
         self._ending.set()
 
+    @property
+    def alive(self) -> bool:
+        """Whether the thread still writes."""
+        return self._thread.is_alive()
+
     def join(self) -> None:
         """Wait for the thread to end after :meth:`finish`."""
         self._thread.join(_PATIENCE)
@@ -114,6 +134,16 @@ class Log:
             self.error = " ".join(f"{self.folder}: {error}".split())
         finally:
             self._opened.set()
+            if self.error is not None and not self.written:
+                self._remove_what_is_empty()
+
+    def _remove_what_is_empty(self) -> None:
+        """Take away the bag that was begun and has no message, lest a full disk be filled with such."""
+        with suppress(OSError):
+            for entry in list(self.folder.iterdir()):
+                if entry.name.endswith(".mcap") and entry.stat().st_size < _NOTHING:
+                    entry.unlink()
+            self.folder.rmdir()
 
     def _open(self) -> BagWriter:
         wanted = self.folder
@@ -128,6 +158,7 @@ class Log:
 
     def _write(self, writer: BagWriter) -> None:
         due = time.monotonic() + _FLUSH_INTERVAL
+        full = time.monotonic() + self._max_duration
         with writer:
             handles = {name: writer.add_topic(name, kind, qos=qos) for name, (kind, qos) in self._topics.items()}
             ending = False
@@ -138,6 +169,11 @@ class Log:
                     topics, log_times, publish_times, payloads = zip(*batch, strict=True)
                     writer.write_block([handles[topic] for topic in topics], log_times, publish_times, payloads)
                     self.written += len(batch)
-                if time.monotonic() >= due:
+                now = time.monotonic()
+                if not ending and (now >= full or writer.size >= self._max_size):
+                    writer.split()
+                    self.files += 1
+                    full = now + self._max_duration
+                if now >= due:
                     writer.flush()
                     due = time.monotonic() + _FLUSH_INTERVAL

@@ -15,6 +15,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from . import jobs
 from .errors import InputError
 
 if TYPE_CHECKING:
@@ -68,6 +69,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
     parser.add_argument("-o", "--output", metavar="PNG", required=True, help="the picture to write")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
+    jobs.add_arguments(parser, "the points")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -86,10 +88,15 @@ def run(options: argparse.Namespace) -> int:
     Raises
     ------
     InputError
-        An option is wrong, matplotlib is missing, or a file exists already.
+        An option is wrong, matplotlib or Dask is missing, a file exists already, or a process that computes ends.
     """
     picture = _outputs(options.output, force=options.force)[0]
-    arrays = compute(request_of(options))
+    request = request_of(options)
+    if options.jobs is None and options.scheduler is None:
+        arrays = compute(request)
+    else:
+        with jobs.workers(options.jobs, options.scheduler) as pool:
+            arrays = compute(request, pool.map)
     write(picture, arrays)
     ny, nx = arrays[_shown(arrays)].shape
     print(f"{picture}: {nx} x {ny} points, their numbers in {picture.with_suffix('.npz').name}", file=sys.stderr)

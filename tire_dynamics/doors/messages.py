@@ -69,6 +69,7 @@ _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
 _BYTE_ORDER = {_LITTLE_ENDIAN[:2]: "<", b"\x00\x00": ">"}
 _BODY = 4  # the body, and with it all alignment, starts after the encapsulation header
 _SECOND = 1_000_000_000  # ns
+_MAX_JOINT_STATE, _MAX_STRING = 2**20, 2**23  # bytes; beyond, what is made of them would take the memory
 _LAYOUTS = 8  # of the messages of one call, before the rest is taken one by one
 
 # Prebuilt for both byte orders: ``struct.unpack_from`` with a format string is slower by half.
@@ -361,6 +362,8 @@ class JointStateDecoder:
         MessageError
             If the bytes are not such a message.
         """
+        if len(data) > _MAX_JOINT_STATE:
+            raise MessageError(f"{len(data)} bytes are more than the state of joints takes")
         order = _byte_order(data)
         if len(data) < _BODY + 8:
             raise MessageError("ends before header.stamp")
@@ -737,4 +740,6 @@ def encode_string(text: str) -> bytes:
 
 def decode_string(data: bytes) -> str:
     """Decode std_msgs/String; ``MessageError`` if the bytes are not such a message."""
+    if len(data) > _MAX_STRING:
+        raise MessageError(f"{len(data)} bytes are more than any text here takes")
     return _string(data, _BODY, _byte_order(data), "data")[0]

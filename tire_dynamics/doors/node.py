@@ -6,6 +6,7 @@ import gc
 import json
 import math
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ _TYPES = {
     "string": RosParameter.Type.STRING,
     "string[]": RosParameter.Type.STRING_ARRAY,
 }
+_LOG_RETRY, _LONGEST_LOG_RETRY = 2.0, 60.0  # [s] between two attempts to go on with a log after an error
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _DIAGNOSTICS = "/diagnostics"
 _DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
@@ -84,10 +86,17 @@ class TireDynamicsNode(Node):
             if "PARAMETER_NOT_SET" in str(error):
                 raise InputError("a list is empty: wheels, joint_names and frame_ids need a name or no value") from None
             raise InputError(_first_line(error)) from None
+        except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
+            raise InputError(_first_line(error)) from None
         self._clock_now = self.get_clock()
         self._log: Log | None = None
         self._finishing: list[Log] = []
         self._record_due = False
+        self._log_files = 1
+        self._log_retry = 0.0  # when to try again after an error, on the monotonic clock
+        self._log_pause = _LOG_RETRY
+        self._dropped: Counter[str] = Counter()  # by the logs before this one
+        self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
         self._step_times: list[float] = []
@@ -280,7 +289,10 @@ class TireDynamicsNode(Node):
             {self._full_names[topic]: kind for topic, kind in types.items()},
             self._wiring.values["log.queue_size"],
             self._wiring.values["log.compression"],
+            1e6 * self._wiring.values["log.max_size_mb"],
+            self._wiring.values["log.max_duration_s"],
         )
+        self._log_files = 1
         self._log_record()
         return self._log
 
@@ -289,11 +301,26 @@ class TireDynamicsNode(Node):
         now = self._now()
         self._record_due = True
         if self._log is not None and self._log.has_room and now:
-            record = self._wiring.record(self._full_names)
+            record = self._wiring.record(self._full_names, self._dropped + self._log.dropped)
             self._record_due = not self._log.put(self._full_names[LOG_RECORD], now, now, record)
+
+    def _tend_log(self) -> None:
+        """Begin another log when the disk has refused one."""
+        self._finishing = [log for log in self._finishing if log.alive]
+        if self._log is None or self._log.error is None:
+            if self._log is not None and self._log.written:
+                self._log_pause = _LOG_RETRY
+            self._log_retry = time.monotonic() + self._log_pause
+        elif time.monotonic() >= self._log_retry:
+            self.get_logger().error(self._log.error)
+            self._finish_log()
+            self.get_logger().info(f"trying {self._start_log().folder}")
+            self._log_pause = min(2.0 * self._log_pause, _LONGEST_LOG_RETRY)
+            self._log_retry = time.monotonic() + self._log_pause
 
     def _finish_log(self) -> None:
         if self._log is not None:
+            self._dropped += self._log.dropped
             self._log.finish()
             self._finishing.append(self._log)
             self._log = None
@@ -303,6 +330,9 @@ class TireDynamicsNode(Node):
         if self._log is None:
             return
         name = self._full_names[topic]
+        if self._log.files != self._log_files:  # each file can be replayed for itself
+            self._log_files = self._log.files
+            self._record_due = True
         if self._record_due:
             self._log_record()
         if self._record_due:
@@ -347,6 +377,9 @@ class TireDynamicsNode(Node):
             self._stabilities[index] = {"verdict": f"unknown: {error}"}
 
     def _diagnose(self) -> None:
+        self._tend_log()
+        names = self.get_node_names_and_namespaces()
+        self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         array.status = [self._node_status()]
@@ -376,11 +409,17 @@ class TireDynamicsNode(Node):
         if log is not None:
             values["log: written"] = log.written
             values["log: waiting"] = log.waiting
-            values["log: dropped"] = sum(log.dropped.values())
+            dropped = self._dropped + log.dropped
+            values["log: files"] = log.files
+            values["log: dropped"] = sum(dropped.values())
+            values.update({f"log: dropped {topic}": count for topic, count in dropped.items()})
             if log.error:
                 level, summary = DiagnosticStatus.ERROR, f"the log stopped: {log.error}"
-            elif log.dropped:
-                level, summary = DiagnosticStatus.WARN, f"{sum(log.dropped.values())} messages not logged"
+            elif dropped:
+                level, summary = DiagnosticStatus.WARN, f"{sum(dropped.values())} messages not logged"
+        if self._namesakes > 0:
+            level = max(level, DiagnosticStatus.WARN)
+            summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
         return self._status("node", level, summary, values)
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:

@@ -119,14 +119,15 @@ def _run(
                 *wiring.inputs.items(), *wiring.outputs.items(), (TICK, messages.CLOCK), (LOG_RECORD, messages.STRING)
             )
         }  # fmt: skip
-        begun = False
+        begun, dropped = False, dict[str, int]()
         for log_time, stretch, published in _between_records(stretches):
             first = stretch.topics[stretch.topic[0]]
             if first == LOG_RECORD:
-                data = stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]]
-                _continue(wiring, _record(data), first=not begun, own_parameters=own_parameters)
+                record = _record(stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]])
+                _continue(wiring, record, first=not begun, own_parameters=own_parameters)
+                dropped = record.get("dropped", {})
             if first == LOG_RECORD or not begun:
-                writer.write(handles[LOG_RECORD], int(log_time[0]), int(published[0]), wiring.record(names))
+                writer.write(handles[LOG_RECORD], int(log_time[0]), int(published[0]), wiring.record(names, dropped))
                 begun = True
             if first == LOG_RECORD:
                 continue
@@ -219,7 +220,8 @@ def _record(data: bytes) -> dict[str, Any]:
         content = json.loads(messages.decode_string(data))
         parameters, topics, vehicle = (content[name] for name in ("parameters", "topics", "vehicle"))
         texts = [*topics, *topics.values()]
-        if isinstance(parameters, dict) and isinstance(vehicle, dict) and all(isinstance(text, str) for text in texts):
+        dicts = (parameters, vehicle, content.get("dropped", {}))
+        if all(isinstance(each, dict) for each in dicts) and all(isinstance(text, str) for text in texts):
             return dict(content)
     except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
         pass

@@ -239,10 +239,13 @@ class Wiring:
         if unit != self.vehicle.unit:
             self.vehicle.set_unit(unit)
 
-    def record(self, topics: Mapping[str, str]) -> bytes:
-        """The log record that lets a replay continue from here: parameters, state, and the topics' full names."""
+    def record(self, topics: Mapping[str, str], dropped: Mapping[str, int] | None = None) -> bytes:
+        """The log record that lets a replay continue from here: parameters, state, and the topics' full names.
+
+        ``dropped`` says how many messages on each topic (full name) are not in the log.
+        """
         content = {"parameters": self.values, "topics": dict(topics), "vehicle": self.vehicle.snapshot()}
-        return messages.encode_string(json.dumps(content))
+        return messages.encode_string(json.dumps({**content, "dropped": dict(dropped or {})}))
 
     def _points(self, belts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Columns x, y, z, radial, tangential of deformed belts (M, 2, P) in the axle's frame [m], shape (M, P, 5)."""

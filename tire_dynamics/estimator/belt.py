@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..science.elementary import cos_sin
 from ..science.modes import RingModes
+from ..science.stepping import Room
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
 
@@ -127,6 +128,7 @@ class BeltMotion:
         self._spins = self.modes.spins(self._speeds, self._kernels)
         self._own = np.zeros(self._spins.exponents.shape)
         self._waiting: list[list[tuple[int, float, float, float]]] = [[] for _ in range(wheels)]
+        self._room = Room()
         self._noted: dict[int, FloatArray] = {}  # states as they were noted or given, until they change
 
     def set_unit(self, unit: TireWheelUnit) -> None:
@@ -235,17 +237,19 @@ class BeltMotion:
         changed = np.flatnonzero(speed != before)
         whose = np.searchsorted(steps_of, changed, side="right") - 1
 
-        spins = self._spins.at(wheels)
-        shape = spins.right.shape
-        matrices, jumps = np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
         if changed.size:
-            spins = spins.joined(self.modes.spins(speed[changed], self._kernels))
+            speeds = np.concatenate([self._speeds[wheels], speed[changed]])
+            # once more for the first few: cheaper than to join
+            spins = self.modes.spins(speeds, self._kernels, self._room)
             after = wheels.size + np.arange(changed.size)
             previous = after - 1
             leads = np.append(True, whose[1:] != whose[:-1])
             previous[leads] = whose[leads]
-            speeds = np.concatenate([self._speeds[wheels], speed[changed]])
             matrices, jumps = self.modes.changes(spins, speeds, previous, after, self._kernels)
+        else:
+            spins = self._spins.at(wheels)
+            shape = spins.right.shape
+            matrices, jumps = np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
         own = np.take(self._own, wheels, axis=1)
         outputs = np.empty((2, ends.size, *own.shape[2:]))
         modes = own, spins.exponents, spins.steady, matrices, jumps

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..science import kernels, wheel
+from ..science.stepping import Room
 from ..science.unit import TireWheelUnit
 from .belt import BeltMotion, BeltShape, Path
 from .schedule import Plan, Stretch
@@ -61,6 +62,7 @@ class Motion:
         self.model = model
         self.kernels = kernels or fastest_kernels()
         self.belt = BeltMotion(unit, n_max, model, wheels, self.kernels)
+        self._room = Room()
         self.turning_at = np.zeros(wheels)
         self.phase = np.zeros(wheels)
         self.set_unit(unit)
@@ -70,12 +72,12 @@ class Motion:
         """Change the tire from now on. Positions and velocities go on as they are."""
         self.unit = unit
         self._stepper = wheel.stepper(unit, self.model)
-        self._series = self._series_at(self.turning_at)
+        self._series = self._series_at(self.turning_at).copy()
         self._output_at: list[float] = []
         self.belt.set_unit(unit)
 
     def _series_at(self, speeds: FloatArray) -> FloatArray:
-        return self._stepper.series(speeds, self.kernels)
+        return self._stepper.series(speeds, self.kernels, self._room)
 
     def reset(self, index: int) -> None:
         """Be at rest."""
@@ -191,7 +193,8 @@ class Motion:
         which[first] = moving
         which[places] = len(self._series) + np.arange(places.size)
         which = which[np.maximum.accumulate(np.where(which >= 0, np.arange(speed.size), 0))]
-        series = np.concatenate([self._series, self._series_at(speed[places])])
+        # once more for the first few: cheaper than to join
+        series = self._series_at(np.concatenate([self.turning_at, speed[places]]))
         self._series = self._series.copy()
         self._series[moving] = series[which[last]]
         self.turning_at[moving] = speed[last]

@@ -38,9 +38,8 @@ def _compile(function: Callable[..., Any]) -> Any:
 
 
 @_compile
-def series(table: FloatArray, speed: FloatArray) -> FloatArray:
+def series(table: FloatArray, speed: FloatArray, result: FloatArray) -> None:
     J, K, R = table.shape
-    result = np.empty((speed.size, J, R))
     for s in range(speed.size):
         for j in range(J):
             total = result[s, j]
@@ -51,7 +50,6 @@ def series(table: FloatArray, speed: FloatArray) -> FloatArray:
                 row = table[j, k]
                 for r in range(R):
                     total[r] += power * row[r]
-    return result
 
 
 @_compile
@@ -150,10 +148,12 @@ def whirls(
     damping: FloatArray,
     force: FloatArray,
     speeds: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    exponents: FloatArray,
+    steady: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+) -> None:
     S, N = speeds.size, numbers.size
-    exponents, right, left = np.empty((2, S, N, 2)), np.empty((2, S, N, 2, 2)), np.empty((2, S, N, 2, 2))
-    steady = np.empty((2, S, N, 2, 2))
     for s in range(S):
         for n in range(N):
             A, _, C, determinant = _formula(constants, numbers[n], speeds[s])
@@ -189,7 +189,6 @@ def whirls(
                     if k == 0:
                         r, t = -r, -t
                     steady[0, s, n, k, f], steady[1, s, n, k, f] = r * c - t * e, r * e + t * c
-    return exponents, steady, right, left
 
 
 @_compile
@@ -354,8 +353,9 @@ def take_up(
         length[i] = int(steps[i, 0])
         held[i, 0], held[i, 1] = -steps[i, 2], -steps[i, 3]
     speeds = speeds[: C + 1].copy()
-    new = whirls(constants, numbers, damping, force, speeds)
-    exponent, shape, columns, inverse = new
+    exponent, shape = np.empty((2, C + 1, N, 2)), np.empty((2, C + 1, N, 2, 2))
+    columns, inverse = np.empty((2, C + 1, N, 2, 2)), np.empty((2, C + 1, N, 2, 2))
+    whirls(constants, numbers, damping, force, speeds, exponent, shape, columns, inverse)
     exponent[:, 0], shape[:, 0] = exponents[:, wheel], steady[:, wheel]
     columns[:, 0], inverse[:, 0] = right[:, wheel], left[:, wheel]
     after = np.arange(1, C + 1)

@@ -25,7 +25,7 @@ _FULL_TURN = 2.0 * math.pi
 _TOGETHER, _SPEEDS_TOGETHER = 64, 16  # what is summed at once, so that it stays in the cache
 
 
-def series(table: FloatArray, speed: FloatArray) -> FloatArray:
+def series(table: FloatArray, speed: FloatArray, result: FloatArray) -> None:
     """Taylor coefficients of transitions at speeds, from those in step and speed.
 
     Parameters
@@ -33,12 +33,9 @@ def series(table: FloatArray, speed: FloatArray) -> FloatArray:
     table : ndarray, shape (J, K, R)
     speed : ndarray, shape (S,)
         In units of the table's top speed.
-
-    Returns
-    -------
-    ndarray, shape (S, J, R)
+    result : ndarray, shape (S, J, R)
+        Filled with them.
     """
-    result = np.empty((speed.size, table.shape[0], table.shape[2]))
     for first in range(0, speed.size, _SPEEDS_TOGETHER):
         block = slice(first, first + _SPEEDS_TOGETHER)
         power = np.ones_like(speed[block])
@@ -47,7 +44,6 @@ def series(table: FloatArray, speed: FloatArray) -> FloatArray:
         for k in range(1, table.shape[1]):
             power = power * speed[block]
             total += power[:, None, None] * table[:, k]
-    return result
 
 
 def advance_first(
@@ -171,7 +167,11 @@ def whirls(
     damping: FloatArray,
     force: FloatArray,
     speeds: FloatArray,
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    exponents: FloatArray,
+    steady: FloatArray,
+    right: FloatArray,
+    left: FloatArray,
+) -> None:
     """The eigenvalues of the inextensional modes, and what goes with them.
 
     With k = n (B C - A^2)/(A + n C), g = gamma Omega and w = n Omega,
@@ -188,11 +188,8 @@ def whirls(
     force : ndarray, shape (2, N)
     speeds : ndarray, shape (S,)
         Omega [rad/s].
-
-    Returns
-    -------
     exponents, steady, right, left : ndarray
-        The fields of :class:`~tire_dynamics.science.modes.Spins`; right = [[s+, s-], [1, 1]], s = mu - i w.
+        Filled with the fields of :class:`~tire_dynamics.science.modes.Spins`; right = [[s+, s-], [1, 1]], s = mu - i w.
     """
     A, _, C, determinant = formula(constants, numbers, speeds[:, None])
     through = A + numbers * C
@@ -206,19 +203,19 @@ def whirls(
     root = np.stack([np.where(real >= 0.0, larger, smaller), np.where(real >= 0.0, smaller, larger)])
     half = 0.5 * damping
     slow = np.stack([np.stack([root[0] - half, -root[0] - half]), np.stack([root[1] - twisting, -root[1] - twisting])])
-    slow = np.ascontiguousarray(np.moveaxis(slow, 1, -1))  # (2, S, N, 2)
-    exponents = slow.copy()
+    slow = np.moveaxis(slow, 1, -1)  # (2, S, N, 2)
+    exponents[:] = slow
     exponents[1] += turning[..., None]
-    one = np.zeros_like(slow)
-    one[0] = 1.0
+    right[..., 0, :] = slow
+    right[0, ..., 1, :], right[1, ..., 1, :] = 1.0, 0.0
     inverse = _inverse(root + root)
     plus, minus = _times(inverse, -slow[..., 1]), _times(inverse, slow[..., 0])
-    left = np.stack([np.stack([inverse, plus], axis=-1), np.stack([-inverse, minus], axis=-1)], axis=-2)
+    left[..., 0, 0], left[..., 0, 1], left[..., 1, 0], left[..., 1, 1] = inverse, plus, -inverse, minus
     along = np.stack([radial * force[0], radial * force[1]])
     across = np.stack([-(tangential * force[1]), tangential * force[0]])
     drive = np.stack([_times(inverse, along), _times(inverse, across)], axis=-1)  # (2, S, N, 2)
-    forward, backward = _times(-drive, _inverse(exponents[..., :1])), _times(drive, _inverse(exponents[..., 1:]))
-    return exponents, np.stack([forward, backward], axis=-2), np.stack([slow, one], axis=-2), left
+    steady[..., 0, :] = _times(-drive, _inverse(exponents[..., :1]))
+    steady[..., 1, :] = _times(drive, _inverse(exponents[..., 1:]))
 
 
 def whirl_changes(

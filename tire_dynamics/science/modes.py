@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from . import kernels
 from .coefficients import Model, coefficients, constants, mode_damping, twist
 from .elementary import cos_sin
-from .stepping import Steps
+from .stepping import Room, Steps
 from .unit import TireWheelUnit
 
 __all__ = ["CONTACT_ANGLE", "RingModes", "Spins", "SpinningModes"]
@@ -65,10 +65,6 @@ class Spins(NamedTuple):
     def at(self, which: IntArray) -> Spins:
         """Some of the speeds."""
         return Spins(*(np.take(each, which, axis=1) for each in self))
-
-    def joined(self, others: Spins) -> Spins:
-        """These speeds and others behind them."""
-        return Spins(*(np.concatenate(pair, axis=1) for pair in zip(self, others, strict=True)))
 
     def state(self, own: FloatArray, which: IntArray | slice = slice(None)) -> FloatArray:
         """The states x, shape (2, S, N, k), of coordinates w of that shape, at some of the speeds."""
@@ -157,14 +153,18 @@ class RingModes:
         drive[:, 0, 0] = drive[:, 1, 1] = self._force
         return SpinningModes(roots, right * scale[:, :, None], left / scale[:, None, :], drive)
 
-    def spins(self, speeds: FloatArray, kernels: ModuleType = kernels) -> Spins:
-        """The modes at constant speeds [rad/s], shape (S,)."""
+    def spins(self, speeds: FloatArray, kernels: ModuleType = kernels, room: Room | None = None) -> Spins:
+        """The modes at constant speeds [rad/s], shape (S,); in ``room`` they are good until the next are put there."""
         if self.model == "complete":
             each = [self.at(speed) for speed in speeds.tolist()]
             fields = [[at.exponents, at.steady_shapes(), at.right, at.left] for at in each]
             stacked = (np.stack(field) for field in zip(*fields, strict=True))
             return Spins(*(np.stack([field.real, field.imag]) for field in stacked))
-        return Spins(*kernels.whirls(*self.parts, speeds))
+        S, N = speeds.size, self.numbers.size
+        parts = np.split((room or Room()).of(2 * S * N * (2 + 3 * 4)), 2 * S * N * np.array([2, 6, 10]))
+        spins = Spins(*(part.reshape(2, S, N, *((2,) if k == 0 else (2, 2))) for k, part in enumerate(parts)))
+        kernels.whirls(*self.parts, speeds, *spins)
+        return spins
 
     def changes(
         self, spins: Spins, speeds: FloatArray, before: IntArray, after: IntArray, kernels: ModuleType = kernels

@@ -24,7 +24,7 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExactStepper", "SpinningStepper", "Steps", "solve_in_order"]
+__all__ = ["ExactStepper", "Room", "SpinningStepper", "Steps", "solve_in_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -104,10 +104,12 @@ class ExactStepper:
             limit *= self.top_speed / max(speed, self.top_speed)
         return limit
 
-    def series(self, speeds: FloatArray, kernels: ModuleType) -> FloatArray:
+    def series(self, speeds: FloatArray, kernels: ModuleType, room: Room) -> FloatArray:
         """Taylor coefficients in the step's length of transposed [Phi G_0] at speeds [rad/s], (S, J, n + m, n)."""
-        coefficients: FloatArray = kernels.series(self._held, speeds / self.top_speed)
-        return coefficients.reshape(*coefficients.shape[:2], -1, self.states)
+        J, _, R = self._held.shape
+        coefficients = room.of(speeds.size, J, R)
+        kernels.series(self._held, speeds / self.top_speed, coefficients)
+        return coefficients.reshape(speeds.size, J, -1, self.states)
 
     def at(self, speed: float) -> SpinningStepper:
         """The stepper at a constant speed [rad/s]."""
@@ -144,6 +146,20 @@ class ExactStepper:
         for _ in range(doublings):
             result = _double(result, result @ result[:, :n], n, self.inputs)
         return result
+
+
+class Room:
+    """Memory for one array after the other, so that large ones are not asked for again and again."""
+
+    def __init__(self) -> None:
+        self._flat = np.empty(0)
+
+    def of(self, *shape: int) -> FloatArray:
+        """An array with anything in it, good until the next is asked for."""
+        size = math.prod(shape)
+        if size > self._flat.size:
+            self._flat = np.empty(size + size // 4)
+        return self._flat[:size].reshape(shape)
 
 
 class SpinningStepper:

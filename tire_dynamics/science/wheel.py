@@ -22,6 +22,7 @@ from scipy import linalg
 
 from . import floquet
 from .coefficients import coefficients, mode_damping
+from .elementary import cos_sin
 from .floquet import FloquetResult
 from .stepping import ExactStepper, solve_in_order
 from .unit import MODAL, TireWheelUnit
@@ -186,7 +187,7 @@ def _set(matrix: FloatArray, row: int, values: Sequence[Any] | Mapping[int, Any]
 def _spread(unit: TireWheelUnit) -> float:
     """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
     half = unit.contact_half_angle
-    return math.sin(half) / half if half else 1.0
+    return float(cos_sin(half)[1]) / half if half else 1.0
 
 
 @lru_cache(maxsize=256)

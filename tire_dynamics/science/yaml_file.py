@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from os import PathLike
 from typing import Any
@@ -10,13 +11,21 @@ import yaml
 
 __all__ = ["read_yaml", "yaml_number"]
 
+_MAX_SIZE = 256 * 1024  # bytes; a vehicle's parameters take some thousand
+
 
 def read_yaml(path: str | PathLike[str]) -> dict[str, Any]:
     """The mapping in a YAML file, its plain values read as YAML 1.2 reads them, and no key given twice.
 
+    Aliases are refused, as ROS 2 refuses them in its parameter files: a few lines of them unfold to any size.
+
     YAML 1.1, which PyYAML follows, takes ``5.80e6`` for text, ``010`` for eight, ``1:30`` for ninety and ``no`` for
     false, and the last of two equal keys for both; each would change a tire without a word.
     """
+    if os.stat(path).st_size > _MAX_SIZE:
+        raise ValueError(f"{path} is too large to be a file of parameters")
+    if not os.path.isfile(path):
+        raise ValueError(f"{path} is not a file")
     with open(path, encoding="utf-8") as file:
         try:
             content = yaml.load(file, Loader=_Loader)
@@ -42,6 +51,12 @@ _NOT_YAML = (yaml.YAMLError, ValueError, TypeError, AttributeError, LookupError,
 
 class _Loader(yaml.SafeLoader):
     yaml_implicit_resolvers: dict[str, Any] = {}
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        if self.check_event(yaml.AliasEvent):
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise yaml.composer.ComposerError(None, None, "aliases are not read", mark)
+        return super().compose_node(parent, index)
 
 
 def _construct_mapping(loader: _Loader, node: yaml.MappingNode) -> dict[Any, Any]:

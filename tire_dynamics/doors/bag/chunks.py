@@ -137,13 +137,15 @@ class ChunkWriter:
         log_times: NDArray[np.integer],
         publish_times: NDArray[np.integer],
         payloads: Sequence[bytes],
+        sequences: NDArray[np.integer] | int = 0,
     ) -> None:
-        """Write messages; the file is the same as if each had gone through ``add_message``."""
+        """Write messages; with ``sequences`` 0 the file is the same as if each had gone through ``add_message``."""
         count = len(payloads)
         sizes = np.fromiter(map(len, payloads), np.int64, count)
         heads = np.zeros(count, HEAD)
         heads["opcode"], heads["length"] = Opcode.MESSAGE, _FIXED + sizes
-        heads["channel"], heads["log_time"], heads["publish_time"] = channels, log_times, publish_times
+        heads["channel"], heads["sequence"] = channels, sequences
+        heads["log_time"], heads["publish_time"] = log_times, publish_times
         parts = [b""] * (2 * count)
         parts[::2] = heads.view(f"V{HEAD.itemsize}").tolist()
         parts[1::2] = payloads

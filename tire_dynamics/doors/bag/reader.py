@@ -18,7 +18,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import repeat
 from pathlib import Path, PurePath
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
@@ -34,14 +34,17 @@ from numpy.typing import NDArray
 from ..errors import InputError
 from .chunks import HEAD, heads_at
 
-__all__ = ["BagReader", "Block", "Message"]
+__all__ = ["BagReader", "Block", "Message", "yaml_texts"]
 
 _NO_TIME = 2**63 - 1  # of a file without messages
-_MAX_CHUNK = 128 * 2**20  # bytes, uncompressed; recorders write some 1 MiB
-_MAX_CHUNK_MESSAGES = 500_000
-_MAX_PENDING = 128 * 2**20  # bytes held back because chunks overlap in time
+_MAX_CHUNK = 64 * 2**20  # bytes, uncompressed; recorders write some 1 MiB
+_MAX_CHUNK_RECORDS = 500_000
+_LARGE_CHUNK, _MAX_RATIO = 16 * 2**20, 1000  # no recording of more than so many bytes is compressed so well
+_MAX_PENDING = 64 * 2**20  # bytes held back because chunks overlap in time
 _MAX_RECORD = 16 * 2**20  # bytes of a schema, channel, statistics or metadata record
+_MAX_KEPT = 64 * 2**20  # bytes of names, types and metadata records of a bag
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
+_MAX_DEPTH = 30  # of metadata.yaml; rosbag2's is 6
 _RUN = 2**16  # bytes of messages outside chunks that are read together
 _BLOCK = 16 * 2**20  # bytes of a block, beside what is held back
 _STEP = 2**16  # records that are looked at together
@@ -150,6 +153,8 @@ class BagReader:
                 known = self.topics.setdefault(topic, msgtype)
                 if msgtype != known:
                     raise InputError(f"{file.path}: {topic} has two types, {known} and {msgtype}")
+        if sum(file.kept for file in self._files) > _MAX_KEPT:
+            raise InputError(f"{self.path}: declares more topics and metadata than a bag needs")
         self.message_count = sum(file.count for file in self._files)
         filled = [file for file in self._files if file.count]
         self.start_ns = min((file.start for file in filled), default=None)
@@ -306,22 +311,26 @@ def _files_of(path: Path) -> list[Path]:
         return [path]
     metadata = path / "metadata.yaml"
     if not metadata.is_file():
-        raise InputError(f"{path}: has no metadata.yaml; of a recording that was cut off, name the .mcap file")
+        raise InputError(
+            f"{path}: has no metadata.yaml; of a recording that was cut off, name the .mcap file, or make it whole "
+            "with tire-dynamics recover"
+        )
     try:
         if metadata.stat().st_size > _MAX_METADATA_YAML:
             raise InputError(f"{metadata}: too large to be the description of a bag")
-        # Not PyYAML's loader in C: deep nesting overflows its stack and ends the process.
-        information = yaml.safe_load(metadata.read_bytes())["rosbag2_bagfile_information"]
+        information = yaml_texts(metadata.read_bytes())["rosbag2_bagfile_information"]
         storage = information["storage_identifier"]
         compression = information.get("compression_mode") or "none"
-        names = [str(name) for name in information["relative_file_paths"]]
+        names = information["relative_file_paths"]
+        if not isinstance(names, list) or not all(isinstance(text, str) for text in (storage, compression, *names)):
+            raise ValueError
     except OSError as error:
         raise InputError(f"{metadata}: cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise InputError(f"{metadata}: is not the description of a bag") from None
     if storage != "mcap":
         raise InputError(f"{path}: its storage is {storage!r}; only mcap is read (ros2 bag convert makes it)")
-    if str(compression).lower() != "none":
+    if compression.lower() not in ("none", "null", "~"):
         raise InputError(f"{path}: its compression_mode is {compression!r}; only chunk compression is read")
     for name in names:
         if PurePath(name).name != name:
@@ -331,6 +340,20 @@ def _files_of(path: Path) -> list[Path]:
     if not names:
         raise InputError(f"{metadata}: lists no file")
     return [path / name for name in names]
+
+
+def yaml_texts(text: bytes) -> Any:
+    """YAML with every plain value a text: no tag means anything, no key is merged, no number is made.
+
+    An alias stands for the same object, so that its size is that of the file; to print it may take forever.
+    """
+    loader = getattr(yaml, "CBaseLoader", yaml.BaseLoader)
+    depth = 0
+    for event in yaml.parse(text, Loader=loader):  # first: nesting too deep ends a process in libyaml's composer
+        depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+        if depth > _MAX_DEPTH:
+            raise ValueError("nested too deep")
+    return yaml.load(text, Loader=loader)
 
 
 class _BagFile:
@@ -362,7 +385,9 @@ class _BagFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count, self.start, self.end = 0, _NO_TIME, 0
         self.damage = ""
+        self.kept = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
+        self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
         # Log time of the first message, offset and length of each span, in the order of the file; plain
         # numbers, because an hour of driving has tens of thousands of spans.
         self.spans = array("Q")
@@ -381,11 +406,11 @@ class _BagFile:
         with open(self.path, "rb") as file:
             file.seek(offset)
             data = _exactly(file, length)
-        if data[:1] == _CHUNK_OPCODE:
+        in_chunk = data[:1] == _CHUNK_OPCODE
+        if in_chunk:
             data = _chunk_records(memoryview(data)[_RECORD.size :])
         found: list[_Rows] = [np.empty((6, 0), np.int64)]
-        count = 0
-        for messages, _ in _records(data):
+        for messages, _ in _records(data, in_chunk):
             heads = heads_at(data, messages)
             topics = routes[np.minimum(heads["channel"], len(routes) - 1)]
             if (topics == _UNDECLARED).any():
@@ -398,26 +423,40 @@ class _BagFile:
             if (rows[2:4] < 0).any():
                 raise _DamageError("a message is from after the year 2262")
             found.append(rows)
-            count += len(heads)
-            if count > _MAX_CHUNK_MESSAGES:
-                raise _DamageError("a chunk holds too many messages")
         return data, np.concatenate(found, axis=1)
 
     def _add_record(self, opcode: int, content: bytes) -> None:
         """Take in a record that describes messages, wherever it stands."""
         stream = ReadDataStream(io.BytesIO(content))
+        if opcode == Opcode.SCHEMA or opcode == Opcode.CHANNEL:
+            key, value = (opcode, content[:2]), hash(content)
+            if self._seen.get(key) == value:
+                return  # said again, as recorders may in every chunk
+            self._seen[key] = value
         if opcode == Opcode.SCHEMA:
             schema = records.Schema.read(stream)
-            self._schemas[schema.id] = schema.name
+            name = self._schemas.setdefault(schema.id, schema.name)
+            if name != schema.name:
+                raise _DamageError(f"schema {schema.id} is declared twice, as {name[:100]} and {schema.name[:100]}")
+            self._keep(len(name))
         elif opcode == Opcode.CHANNEL:
             channel = records.Channel.read(stream)
             if channel.schema_id not in self._schemas:
-                raise _DamageError(f"{channel.topic} has no schema")
-            msgtype = self._schemas[channel.schema_id]
-            self.channels[channel.id] = channel.topic, msgtype, channel.message_encoding
+                raise _DamageError(f"{channel.topic[:100]} has no schema")
+            new = channel.topic, self._schemas[channel.schema_id], channel.message_encoding
+            old = self.channels.setdefault(channel.id, new)
+            if old != new:
+                raise _DamageError(f"channel {channel.id} is declared twice, as {old[0][:100]} and {new[0][:100]}")
+            self._keep(len(new[0]) + len(new[2]))
         elif opcode == Opcode.METADATA:
+            self._keep(len(content))
             metadata = records.Metadata.read(stream)
             self.metadata[metadata.name] = metadata.metadata
+
+    def _keep(self, length: int) -> None:
+        if self.kept + length + 100 > _MAX_KEPT:
+            raise _DamageError("it declares more topics and metadata than a bag needs")
+        self.kept += length + 100
 
     def _read_summary(self, file: BinaryIO, size: int) -> None:
         """Take everything from the summary; ``_DAMAGE`` if it is not there or not whole."""
@@ -451,6 +490,10 @@ class _BagFile:
             raise _DamageError("the summary does not match its checksum")
         if statistics is None or statistics.chunk_count != len(self.spans) // 3:
             raise _DamageError("no index of the chunks")
+        places = np.array(self.spans, np.uint64).reshape(-1, 3)[:, 1:]
+        offsets, lengths = places[np.argsort(places[:, 0])].T
+        if (offsets[:-1] + lengths[:-1] > offsets[1:]).any():
+            raise _DamageError("a chunk within another")
         if statistics.message_count and not statistics.chunk_count:
             raise _DamageError("messages outside chunks have no index")
         if statistics.channel_count != len(self.channels):
@@ -497,7 +540,7 @@ class _BagFile:
         """Take in a chunk's channels and count its messages; the log time of the first."""
         data = _chunk_records(content)
         first, count, end = _NO_TIME, 0, self.end
-        for messages, others in _records(data):
+        for messages, others in _records(data, True):
             for opcode, position, after in others:
                 self._add_record(opcode, data[position:after])
             heads = heads_at(data, messages)
@@ -529,11 +572,12 @@ def _exactly(file: BinaryIO, length: int, limit: int = _MAX_CHUNK) -> bytes:
     return data
 
 
-def _records(data: bytes) -> Iterator[tuple[NDArray[np.int64], list[tuple[int, int, int]]]]:
+def _records(data: bytes, in_chunk: bool) -> Iterator[tuple[NDArray[np.int64], list[tuple[int, int, int]]]]:
     """Where the message records are, and of every other record opcode, start and end of its content.
 
     They come in steps, so that a chunk of nothing but tiny records does not fill the memory.
     """
+    count = 0
     octets = np.frombuffer(data, np.uint8)
     position, last = 0, len(data) - _RECORD.size
     length_at = _LENGTH.unpack_from
@@ -548,9 +592,15 @@ def _records(data: bytes) -> Iterator[tuple[NDArray[np.int64], list[tuple[int, i
             raise _DamageError("a record does not fit")
         bounds = np.array([*starts, position])
         places = bounds[:-1]
-        is_message = octets[places] == Opcode.MESSAGE
+        opcodes = octets[places]
+        is_message = opcodes == Opcode.MESSAGE
         if (np.diff(bounds)[is_message] < HEAD.itemsize).any():
             raise _DamageError("a record does not fit")
+        if in_chunk and ((opcodes < Opcode.SCHEMA) | (opcodes > Opcode.MESSAGE)).any():
+            raise _DamageError("a chunk holds more than messages and what declares them")
+        count += len(places)
+        if count > _MAX_CHUNK_RECORDS:
+            raise _DamageError("a chunk holds too many records")
         others = np.flatnonzero(~is_message).tolist()
         yield places[is_message], [(data[starts[i]], starts[i] + _RECORD.size, int(bounds[i + 1])) for i in others]
 
@@ -563,6 +613,8 @@ def _chunk_records(content: memoryview) -> bytes:
     position = _CHUNK.size + name_length
     compression = bytes(content[_CHUNK.size : position])
     stored = content[position + 8 :]  # its length, 8 bytes, is the rest of the record
+    if size > max(_LARGE_CHUNK, _MAX_RATIO * len(stored)):
+        raise _DamageError(f"a chunk claims {size} bytes in {len(stored)}")
     try:
         if compression == b"":
             data = bytes(stored)

@@ -8,9 +8,11 @@ import re
 import shutil
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from itertools import zip_longest
 from pathlib import Path
+from textwrap import indent
 from types import TracebackType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
 import yaml
@@ -18,6 +20,8 @@ from numpy.typing import ArrayLike
 
 from ..errors import InputError
 from .chunks import ChunkWriter
+from .reader import yaml_texts
+from .salvage import Declared
 
 __all__ = ["BagWriter", "load_message_definitions"]
 
@@ -37,6 +41,7 @@ _QOS: dict[str, dict[str, Any]] = {
     for name, depth, reliability in (("default", 10, "reliable"), ("sensor_data", 5, "best_effort"))
 }
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
+_MAX_QOS = 2**16  # characters
 _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
 
 
@@ -51,6 +56,22 @@ def _typestore() -> Any:
 def load_message_definitions() -> None:
     """Load what writing a bag needs, now rather than when the first one is begun; a quarter of a second."""
     _typestore()
+
+
+class _File(NamedTuple):
+    """One file of a bag: log times of its first and last message, and how many it has on each topic."""
+
+    name: str
+    start: int
+    end: int
+    counts: list[int]
+
+    def span(self) -> dict[str, Any]:
+        return {
+            "duration": {"nanoseconds": max(0, self.end - self.start)},
+            "starting_time": {"nanoseconds_since_epoch": self.start},
+            "message_count": sum(self.counts),
+        }
 
 
 class BagWriter:
@@ -97,8 +118,12 @@ class BagWriter:
         self._topics: dict[str, int] = {}
         self._topic_metadata: list[dict[str, Any]] = []
         self._schemas: dict[str, int] = {}
-        self._counts: list[int] = []
+        self._copied: dict[tuple[str, str, bytes], int] = {}
+        self._declarations: list[tuple[str, tuple[Any, ...]]] = []  # for each further file
+        self._counts: list[int] = []  # in the present file, as these
         self._start, self._end = _NO_TIME, 0
+        self._finished: list[_File] = []
+        self._options = chunk_size, compression
 
         name = self.folder.absolute().name
         _check_replaceable(self.folder, force)
@@ -108,9 +133,7 @@ class BagWriter:
             if not aside:
                 _remove_bag(self.folder)
             self._work.mkdir(parents=True)
-            self._file = open(self._work / self._file_name, "xb")
-            self._mcap = self._open_mcap(self._file, chunk_size, compression)
-            self._mcap.start("ros2", "tire_dynamics")
+            self._begin_file()
             for record, content in (metadata or {}).items():
                 self._mcap.add_metadata(record, dict(content))
         except OSError as error:
@@ -119,6 +142,18 @@ class BagWriter:
             if aside:
                 shutil.rmtree(self._work, ignore_errors=True)
             raise
+
+    def _begin_file(self) -> None:
+        self._file = open(self._work / self._file_name, "xb")
+        self._mcap = self._open_mcap(self._file, *self._options)
+        self._mcap.start("ros2", "tire_dynamics")
+        for method, arguments in self._declarations:
+            getattr(self._mcap, method)(*arguments)
+
+    def _declare(self, method: str, *arguments: Any) -> int:
+        self._declarations.append((method, arguments))
+        number: int = getattr(self._mcap, method)(*arguments)
+        return number
 
     def _open_mcap(self, file: BinaryIO, chunk_size: int, compression: str) -> ChunkWriter:
         """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
@@ -154,7 +189,7 @@ class BagWriter:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
         if msgtype not in self._schemas:
             text, _ = _typestore().generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._mcap.register_schema(msgtype, "ros2msg", text.encode())
+            self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text.encode())
         topic = {
             "name": name,
             "type": msgtype,
@@ -163,13 +198,37 @@ class BagWriter:
             "type_description_hash": _typestore().hash_rihs01(msgtype),
         }
         channel = {
-            "offered_qos_profiles": _yaml(topic["offered_qos_profiles"]),
+            "offered_qos_profiles": _qos_text(qos),
             "topic_type_hash": topic["type_description_hash"],
         }
-        self._topics[name] = self._mcap.register_channel(name, "cdr", self._schemas[msgtype], channel)
+        self._topics[name] = self._declare("register_channel", name, "cdr", self._schemas[msgtype], channel)
         self._topic_metadata.append(topic)
         self._counts.append(0)
         return self._topics[name]
+
+    def copy_topic(self, declared: Declared) -> int:
+        """Declare a topic as another file declares it, whatever its type; its handle for ``write_block``."""
+        schema = declared.msgtype, declared.schema_encoding, declared.schema
+        if schema not in self._copied:
+            named = any(schema)  # a channel may have none, which is number 0
+            self._copied[schema] = self._declare("register_schema", *schema) if named else 0
+        metadata = dict(declared.metadata)
+        handle = self._declare("register_channel", declared.topic, declared.encoding, self._copied[schema], metadata)
+        self._topic_metadata.append(
+            {
+                "name": declared.topic,
+                "type": declared.msgtype,
+                "serialization_format": declared.encoding,
+                "offered_qos_profiles": offered_qos(metadata.get("offered_qos_profiles", "")),
+                "type_description_hash": metadata.get("topic_type_hash", ""),
+            }
+        )
+        self._counts.append(0)
+        return handle
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Write an MCAP metadata record."""
+        self._mcap.add_metadata(name, dict(content))
 
     def write(self, topic: int, log_time_ns: int, publish_time_ns: int, data: bytes) -> None:
         """Write one message.
@@ -193,7 +252,12 @@ class BagWriter:
             self._end = log_time_ns
 
     def write_block(
-        self, topic: ArrayLike, log_time_ns: ArrayLike, publish_time_ns: ArrayLike, payloads: Sequence[bytes]
+        self,
+        topic: ArrayLike,
+        log_time_ns: ArrayLike,
+        publish_time_ns: ArrayLike,
+        payloads: Sequence[bytes],
+        sequence: ArrayLike = 0,
     ) -> None:
         """Write messages; the file is the same as if each had gone through ``write``, in a fraction of the time.
 
@@ -205,6 +269,8 @@ class BagWriter:
             As for ``write``.
         payloads : sequence of N bytes
             The serialised messages.
+        sequence : (N,) or () array_like of int
+            The sender's numbers; 0 where it has none, as ``write`` has it.
 
         Raises
         ------
@@ -220,7 +286,7 @@ class BagWriter:
             raise ValueError(f"log_time_ns {start}, publish_time_ns {publish_times.min()}: below 0")
         counts = np.bincount(topics - 1, minlength=len(self._counts)).tolist()
         counts = [known + count for known, count in zip(self._counts, counts, strict=True)]
-        self._mcap.add_block(topics, log_times, publish_times, payloads)
+        self._mcap.add_block(topics, log_times, publish_times, payloads, np.asarray(sequence))
         self._counts = counts
         self._start, self._end = min(self._start, start), max(self._end, end)
 
@@ -231,38 +297,55 @@ class BagWriter:
         """
         self._mcap.flush()
 
+    @property
+    def size(self) -> int:
+        """Bytes in the present file, without those of the chunk in the making."""
+        return self._file.tell()
+
+    def split(self) -> None:
+        """Go on in another file of the bag, ``<name of folder>_<number>.mcap``; the one before is whole."""
+        self._finish_file()
+        self._finished.append(self._present_file())
+        self._counts, self._start, self._end = [0] * len(self._counts), _NO_TIME, 0
+        self._file_name = f"{self.folder.absolute().name}_{len(self._finished)}.mcap"
+        self._begin_file()
+
+    def _present_file(self) -> _File:
+        return _File(self._file_name, self._start, self._end, self._counts)
+
+    def _finish_file(self) -> None:
+        information = self._information([self._present_file()])
+        with self._file:
+            self._mcap.add_metadata("rosbag2", {"serialized_metadata": _yaml(information)})
+            self._mcap.finish()
+
     def close(self) -> None:
         """Write the index and ``metadata.yaml``, and put the folder in its place. Twice is harmless."""
         if self._file.closed:
             return
-        information = self._information()
-        with self._file:
-            self._mcap.add_metadata("rosbag2", {"serialized_metadata": _yaml(information)})
-            self._mcap.finish()
-        text = _yaml({"rosbag2_bagfile_information": information})
+        self._finish_file()
+        information = _yaml(self._information([*self._finished, self._present_file()]))
+        text = "rosbag2_bagfile_information:\n" + indent(information, "  ")
         (self._work / "metadata.yaml").write_text(text, "utf-8")
         if self._work != self.folder:
             _check_replaceable(self.folder, self._force)
             _remove_bag(self.folder)
             self._work.rename(self.folder)
 
-    def _information(self) -> dict[str, Any]:
+    def _information(self, files: Sequence[_File]) -> dict[str, Any]:
         """``metadata.yaml``, version 9, in rosbag2's order of keys."""
-        span = {
-            "duration": {"nanoseconds": max(0, self._end - self._start)},
-            "starting_time": {"nanoseconds_since_epoch": self._start},
-            "message_count": sum(self._counts),
-        }
-        topics = zip(self._topic_metadata, self._counts, strict=True)
+        counts = [sum(of_topic) for of_topic in zip_longest(*(file.counts for file in files), fillvalue=0)]
+        whole = _File("", min(file.start for file in files), max(file.end for file in files), counts)
+        topics = zip(self._topic_metadata, counts, strict=True)
         return {
             "version": 9,
             "storage_identifier": "mcap",
-            **span,
+            **whole.span(),
             "topics_with_message_count": [{"topic_metadata": topic, "message_count": count} for topic, count in topics],
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [self._file_name],
-            "files": [{"path": self._file_name, **span}],
+            "relative_file_paths": [file.name for file in files],
+            "files": [{"path": file.name, **file.span()} for file in files],
             "custom_data": None,
             "ros_distro": "jazzy",
         }
@@ -289,6 +372,11 @@ class BagWriter:
                 shutil.rmtree(self._work, ignore_errors=True)
 
 
+@functools.cache
+def _qos_text(qos: str) -> str:
+    return _yaml([_QOS[qos]])
+
+
 class _PlainDumper(yaml.SafeDumper):
     """Writes no anchors: rosbag2's parser would read them, people would not."""
 
@@ -298,6 +386,46 @@ class _PlainDumper(yaml.SafeDumper):
 
 def _yaml(data: Any) -> str:
     return yaml.dump(data, Dumper=_PlainDumper, sort_keys=False)
+
+
+# Of a QoS profile, in rosbag2's order: names by the numbers that recorders before Jazzy wrote.
+_POLICIES = {
+    "history": ("system_default", "keep_last", "keep_all", "unknown"),
+    "reliability": ("system_default", "reliable", "best_effort", "unknown", "best_available"),
+    "durability": ("system_default", "transient_local", "volatile", "unknown", "best_available"),
+    "liveliness": ("system_default", "automatic", "manual_by_node", "manual_by_topic", "unknown", "best_available"),
+}
+
+
+def offered_qos(text: str) -> list[dict[str, Any]]:
+    """The QoS profiles of a channel, as ``metadata.yaml`` has them; none if they cannot be made out.
+
+    Parameters
+    ----------
+    text : str
+        What a recorder wrote into the channel's metadata.
+    """
+    try:
+        return [_qos_profile(profile) for profile in yaml_texts(text.encode())] if len(text) < _MAX_QOS else []
+    except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError):
+        return []
+
+
+def _qos_profile(profile: Mapping[str, Any]) -> dict[str, Any]:
+    known: dict[str, Any] = {}
+    for key in _QOS["default"]:
+        value = profile[key]
+        if key in _POLICIES:
+            known[key] = _POLICIES[key][int(value)] if value.isdecimal() else value
+            if known[key] not in _POLICIES[key]:
+                raise ValueError
+        elif key == "depth":
+            known[key] = int(value)
+        elif key == "avoid_ros_namespace_conventions":
+            known[key] = {"true": True, "false": False}[value]
+        else:
+            known[key] = {part: int(value[part]) for part in ("sec", "nsec")}
+    return known
 
 
 def _check_replaceable(folder: Path, force: bool) -> None:

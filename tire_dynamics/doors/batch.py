@@ -1,0 +1,165 @@
+"""Many bags through :func:`~tire_dynamics.doors.replay.replay`, each into a bag of its own, side by side."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
+from pathlib import Path
+from typing import NamedTuple
+
+from .bag.writer import _check_replaceable, _remove_bag
+from .errors import InputError
+from .jobs import Failure, workers
+from .parameters import read_config
+from .replay import replay
+
+__all__ = ["run"]
+
+
+class _Task(NamedTuple):
+    """A bag to replay into a new folder within ``staging``; absolute paths, which hold for every process."""
+
+    source: str
+    name: str
+    staging: str
+    config: str | None
+
+
+class _Done(NamedTuple):
+    """The bag as it was written, its messages in and out, and what is wrong with the source."""
+
+    folder: str
+    messages: int
+    damage: str
+
+
+def run(options: argparse.Namespace) -> int:
+    """Replay every bag of ``options.input`` into the folder ``options.output``, and say which could not be.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        As of ``tire-dynamics replay``.
+
+    Returns
+    -------
+    int
+        How many bags could not be replayed; all others have been.
+
+    Raises
+    ------
+    InputError
+        Nothing has been replayed: two bags are one or have one name, an output exists, or an option is wrong.
+    """
+    directory = Path(options.output)
+    outputs = _outputs(options.input, directory, force=options.force)
+    if options.config:
+        read_config(options.config)  # what is wrong with it is said once
+    with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
+        config = os.path.abspath(options.config) if options.config else None
+        tasks = [_Task(os.path.abspath(source), output.name, staging, config) for source, output in outputs]
+        with closing(pool.each(_replay_one, tasks)) as results:
+            done = _collect(results, outputs, force=options.force)
+    print(f"{directory}: {done} of {len(outputs)} bags replayed", file=sys.stderr)
+    return len(outputs) - done
+
+
+def _outputs(sources: Sequence[str], directory: Path, *, force: bool) -> list[tuple[str, Path]]:
+    """Each bag with the folder it is replayed into, if that may be done with all."""
+    given: dict[Path, str] = {}
+    outputs: dict[Path, str] = {}
+    for source in sources:
+        if (place := Path(source).resolve()) in given:
+            raise InputError(f"{given[place]} and {source} are the same bag")
+        name = Path(os.path.abspath(source)).name.removesuffix(".mcap")
+        if not name:
+            raise InputError(f"{source}: has no name that its output could have")
+        if (output := directory / name) in outputs:
+            raise InputError(f"{outputs[output]} and {source} would both be replayed into {output}")
+        given[place], outputs[output] = source, source
+    if directory.exists() and not directory.is_dir():
+        raise InputError(f"{directory}: is not a folder, which several bags need")
+    for output in outputs:
+        _check_replaceable(output, force)
+        for place, bag in given.items():
+            if output.resolve() in (place, *place.parents):
+                raise InputError(f"{output}: would replace the bag {bag}, which is to be replayed")
+    return [(source, output) for output, source in outputs.items()]
+
+
+@contextmanager
+def _staging(directory: Path) -> Iterator[str]:
+    """A hidden folder in the directory for bags that are not whole yet; with what is left in it, it goes."""
+    try:
+        existed = directory.is_dir()
+        directory.mkdir(parents=True, exist_ok=True)
+        staging = tempfile.mkdtemp(prefix=".replay.", dir=os.path.abspath(directory))
+    except OSError as error:
+        raise InputError(f"{directory}: cannot be written: {error.strerror}") from None
+    try:
+        yield staging
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        if not existed:
+            with suppress(OSError):  # it is not empty, as a rule
+                directory.rmdir()
+
+
+def _replay_one(task: _Task) -> _Done:
+    """Replay into a new folder within the staging; a second attempt, where the first was lost, has another."""
+    own = tempfile.mkdtemp(dir=task.staging)
+    summary = replay(task.source, Path(own) / task.name, config=task.config, quiet=True)
+    messages = sum(summary.received.values()) + sum(summary.written.values())
+    return _Done(str(Path(own) / task.name), messages, summary.damage)
+
+
+def _collect(
+    results: Iterator[tuple[int, _Done | Failure]], outputs: Sequence[tuple[str, Path]], *, force: bool
+) -> int:
+    """Put whole bags into their places and say what is wrong with the others; the number of the former."""
+    done = messages = 0
+    started = time.monotonic()
+    _show(f"0 of {len(outputs)} bags")
+    for ended, (number, result) in enumerate(results, start=1):
+        source, output = outputs[number]
+        if isinstance(result, _Done):
+            result = _place(result, output, force=force)
+        _show("")
+        if isinstance(result, Failure):
+            reason = result.reason.replace(os.path.abspath(source), source).removeprefix(f"{source}: ")
+            print(f"tire-dynamics: {source}: {reason}", file=sys.stderr)
+        else:
+            done += 1
+            messages += result.messages
+            if result.damage:
+                print(f"{source} is damaged: {result.damage}; what stands before was replayed", file=sys.stderr)
+        rate = messages / max(time.monotonic() - started, 1e-3)
+        _show(f"{ended} of {len(outputs)} bags, {rate:,.0f} messages/s")
+    _show("")
+    return done
+
+
+def _show(state: str) -> None:
+    """One line on a terminal, which replaces the one before."""
+    if sys.stderr.isatty():
+        sys.stderr.write(f"\r\x1b[Kreplay: {state} " if state else "\r\x1b[K")
+        sys.stderr.flush()
+
+
+def _place(result: _Done, output: Path, *, force: bool) -> _Done | Failure:
+    """Put a bag into its place, or say why that cannot be."""
+    try:
+        _check_replaceable(output, force)  # a second time: something may be there by now
+        _remove_bag(output)
+        os.rename(result.folder, output)
+    except InputError as error:
+        return Failure(str(error))
+    except OSError as error:
+        return Failure(f"{output}: {error.strerror}")
+    return result
