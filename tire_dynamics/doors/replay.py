@@ -6,6 +6,7 @@ import itertools
 import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
 from types import ModuleType
@@ -112,7 +113,11 @@ def _run(
     """Messages read and written, by topic."""
     received: Counter[str] = Counter()
     written: Counter[str] = Counter()
-    with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
+    with (
+        BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer,
+        ThreadPoolExecutor(1) as pool,  # what is written is compressed beside what is computed next
+    ):
+        writing: Future[None] | None = None
         handles = {
             topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in wiring.inputs else "default")
             for topic, msgtype in (
@@ -126,15 +131,21 @@ def _run(
                 record = _record(stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]])
                 _continue(wiring, record, first=not begun, own_parameters=own_parameters)
                 dropped = record.get("dropped", {})
+            if writing is not None and (first == LOG_RECORD or not begun):
+                writing.result()
             if first == LOG_RECORD or not begun:
                 writer.write(handles[LOG_RECORD], int(log_time[0]), int(published[0]), wiring.record(names, dropped))
                 begun = True
             if first == LOG_RECORD:
                 continue
             produced = wiring.run(stretch)
-            _write(writer, handles, log_time, published, stretch, produced)
+            if writing is not None:
+                writing.result()
+            writing = pool.submit(_write, writer, handles, log_time, published, stretch, produced)
             received.update(stretch.topics[number] for number in stretch.topic.tolist())
             written.update(produced.topic)
+        if writing is not None:
+            writing.result()
         if not written:
             raise InputError(_why_nothing(wiring, received))
     return (
