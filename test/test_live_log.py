@@ -225,7 +225,8 @@ def raw(folder: Path) -> dict[str, list[tuple[int, bytes]]]:
     """By topic: publish stamp and bytes of every message, in the order of the file, read with the mcap library."""
     from mcap.stream_reader import StreamReader
 
-    files = [folder] if folder.is_file() else sorted(folder.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    files = [folder] if folder.is_file() else folder.glob("*.mcap")
+    files = sorted(files, key=lambda file: (len(file.name), file.name))  # 10 behind 9
     topics, found = {}, {}
     for file in files:
         with open(file, "rb") as stream:

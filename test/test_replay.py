@@ -442,3 +442,15 @@ def test_interrupting_leaves_nothing_behind(tmp_path):
     assert process.returncode == 128 + signal.SIGINT, said
     assert "Traceback" not in said
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
+
+
+@pytest.mark.parametrize("place", ["in", "in/inner", "."])
+def test_what_is_replayed_is_never_written_over(tmp_path, place):
+    source = constant(tmp_path / "in", 1.0)
+    before = sorted((path, path.read_bytes()) for path in source.iterdir())
+    with pytest.raises(InputError, match="never changed"):
+        replay(source, tmp_path / place, force=True)
+    if place != "in/inner":  # beside a file there may be something
+        with pytest.raises(InputError, match="never changed"):
+            replay(source / "in_0.mcap", tmp_path / place, force=True)
+    assert sorted((path, path.read_bytes()) for path in source.iterdir()) == before

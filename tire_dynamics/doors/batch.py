@@ -13,7 +13,7 @@ from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import NamedTuple
 
-from .bag.writer import _check_replaceable, _remove_bag
+from .bag.writer import check_replaceable, remove_bag
 from .errors import InputError
 from .jobs import Failure, workers
 from .parameters import read_config
@@ -86,7 +86,7 @@ def _outputs(sources: Sequence[str], directory: Path, *, force: bool) -> list[tu
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: is not a folder, which several bags need")
     for output in outputs:
-        _check_replaceable(output, force)
+        check_replaceable(output, force)
         for place, bag in given.items():
             if output.resolve() in (place, *place.parents):
                 raise InputError(f"{output}: would replace the bag {bag}, which is to be replayed")
@@ -155,8 +155,8 @@ def _show(state: str) -> None:
 def _place(result: _Done, output: Path, *, force: bool) -> _Done | Failure:
     """Put a bag into its place, or say why that cannot be."""
     try:
-        _check_replaceable(output, force)  # a second time: something may be there by now
-        _remove_bag(output)
+        check_replaceable(output, force)  # a second time: something may be there by now
+        remove_bag(output)
         os.rename(result.folder, output)
     except InputError as error:
         return Failure(str(error))

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
-from stat import S_ISREG
+from stat import S_ISDIR, S_ISREG
 from typing import TYPE_CHECKING, TextIO
 
 from .errors import InputError
@@ -227,7 +227,8 @@ class _Table:
 
 def _read(path: Path, columns: Sequence[str], time_column: str | None, time_unit: str) -> _Table:
     try:
-        if not S_ISREG(path.stat().st_mode):  # a pipe that nobody writes to would be waited for
+        mode = path.stat().st_mode
+        if not (S_ISREG(mode) or S_ISDIR(mode)):  # a pipe that nobody writes to would be waited for
             raise InputError(f"{path}: is not a file")
         # Names of columns may be in any encoding; the numbers are the same bytes in all of them.
         with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:

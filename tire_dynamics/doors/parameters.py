@@ -18,6 +18,7 @@ from .errors import InputError
 __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
 
 NODE_NAME = "tire_dynamics"
+_MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
 Kind = Literal["double", "integer", "string", "string[]"]
 
@@ -119,6 +120,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("log.compression", "string", "zstd", "of the log's chunks", choices=("zstd", "lz4", "none")),
 )
 
+_MOST_OF_A_BELT = 1_000_000  # samples times modes: what is summed for one shape
+
 _BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
 
@@ -139,6 +142,8 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     whole["frame_ids"] = whole["frame_ids"] or tuple(f"{wheel}_axle" for wheel in wheels)
     if not wheels:
         raise ValueError("wheels is []; it must name at least one wheel")
+    if len(wheels) > _MAX_WHEELS:
+        raise ValueError(f"wheels has {len(wheels)} names; it must have at most {_MAX_WHEELS}")
     for wheel in wheels:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,99}", wheel) or "__" in wheel or wheel.endswith("_"):
             raise ValueError(
@@ -153,6 +158,11 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"{name} has {len(whole[name])} entries; wheels has {len(wheels)}")
         if not all(whole[name]):
             raise ValueError(f"{name} is {list(whole[name])}; no name may be empty")
+    if whole["ring_samples"] * whole["n_max"] > _MOST_OF_A_BELT:
+        raise ValueError(
+            f"ring_samples is {whole['ring_samples']} and n_max {whole['n_max']}; their product must be at most"
+            f" {_MOST_OF_A_BELT}"
+        )
     if whole["ring_rate_hz"] > whole["rate_hz"]:
         raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
     unit_of(whole)

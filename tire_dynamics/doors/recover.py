@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .bag import BagWriter
 from .bag.salvage import Messages, Salvage
-from .bag.writer import _check_replaceable
+from .bag.writer import check_replaceable, keep_apart
 from .errors import InputError
 from .progress import progress
 
@@ -93,8 +93,8 @@ def recover(source: str | os.PathLike[str], output: str | os.PathLike[str], *, f
     """
     source, output = Path(source), Path(output)
     files = _files(source)
-    _keep_apart(source, files, output)
-    _check_replaceable(output, force)  # now, not after a long search
+    keep_apart(source, files, output)
+    check_replaceable(output, force)  # now, not after a long search
     salvages = [Salvage(path) for path in files]
     account = Account()
     with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
@@ -127,14 +127,6 @@ def _files(source: Path) -> list[Path]:
 
 def _parts(path: Path) -> list[str]:
     return re.split(r"(\d+)", path.name)
-
-
-def _keep_apart(source: Path, files: list[Path], output: Path) -> None:
-    """See that nothing is written over what is read, or into it."""
-    target = output.resolve()
-    places = [path.resolve() for path in (source, *files)]
-    if any(place == target or target in place.parents or place in target.parents for place in places):
-        raise InputError(f"{output}: is where {source} is; the bag that is recovered from is never changed")
 
 
 class _Recorder:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from . import messages
 from .bag import BagReader, BagWriter, Block
+from .bag.writer import keep_apart
 from .errors import InputError
 from .parameters import NODE_NAME, read_config
 from .progress import progress
@@ -82,6 +83,7 @@ def replay(
     Memory does not grow with the bag.
     """
     reader = BagReader(source)
+    keep_apart(reader.path, reader.paths, Path(output))
     log = _log_of(reader)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
     if "wheels" not in given:

@@ -24,7 +24,7 @@ def read_yaml(path: str | PathLike[str]) -> dict[str, Any]:
     """
     if os.stat(path).st_size > _MAX_SIZE:
         raise ValueError(f"{path} is too large to be a file of parameters")
-    if not os.path.isfile(path):
+    if not (os.path.isfile(path) or os.path.isdir(path)):  # of a folder, open() says so; a pipe may wait for ever
         raise ValueError(f"{path} is not a file")
     with open(path, encoding="utf-8") as file:
         try:

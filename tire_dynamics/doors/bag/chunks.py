@@ -155,7 +155,8 @@ class ChunkWriter:
         while first < count:
             shift = len(self._records) - int(starts[first])  # from places in the block to places in the chunk
             last = int(np.searchsorted(ends, self._chunk_size - shift, "right")) + 1
-            self._records += b"".join(parts[2 * first : 2 * last])
+            for part in parts[2 * first : 2 * last]:  # not joined first: one may be large
+                self._records += part
             self._starts.frombytes((starts[first:last] + shift).tobytes())
             self._finish_full_chunk()
             first = last

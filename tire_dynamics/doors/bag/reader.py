@@ -37,16 +37,16 @@ from .chunks import HEAD, heads_at
 __all__ = ["BagReader", "Block", "Message", "yaml_texts"]
 
 _NO_TIME = 2**63 - 1  # of a file without messages
-_MAX_CHUNK = 64 * 2**20  # bytes, uncompressed; recorders write some 1 MiB
+_MAX_CHUNK = 32 * 2**20  # bytes, uncompressed; recorders write some 1 MiB, and of one message what it takes
 _MAX_CHUNK_RECORDS = 500_000
 _LARGE_CHUNK, _MAX_RATIO = 16 * 2**20, 1000  # no recording of more than so many bytes is compressed so well
-_MAX_PENDING = 64 * 2**20  # bytes held back because chunks overlap in time
+_MAX_PENDING = 32 * 2**20  # bytes held back because chunks overlap in time
 _MAX_RECORD = 16 * 2**20  # bytes of a schema, channel, statistics or metadata record
 _MAX_KEPT = 64 * 2**20  # bytes of names, types and metadata records of a bag
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
 _MAX_DEPTH = 30  # of metadata.yaml; rosbag2's is 6
 _RUN = 2**16  # bytes of messages outside chunks that are read together
-_BLOCK = 16 * 2**20  # bytes of a block, beside what is held back
+_BLOCK = 4 * 2**20  # bytes of a block, beside what is held back
 _STEP = 2**16  # records that are looked at together
 
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
@@ -162,6 +162,11 @@ class BagReader:
         self.damage = "; ".join(f"{file.path.name}: {file.damage}" for file in self._files if file.damage)
 
     @property
+    def paths(self) -> list[Path]:
+        """The bag's files."""
+        return [file.path for file in self._files]
+
+    @property
     def complete(self) -> bool:
         """Whether every file has its end."""
         return not self.damage
@@ -205,7 +210,7 @@ class BagReader:
         topics, in_file_order
             As for ``messages``.
         least : int
-            A block ends when it has so many messages, or some 16 MiB.
+            A block ends when it has so many messages, or some 4 MiB.
 
         Yields
         ------
@@ -235,9 +240,9 @@ class BagReader:
                     stretch.add(data, rows, int(place))
                     if not in_file_order:
                         stretch.sort(start)
-            except InputError:
+            except InputError as error:
                 yield from stretch.take()
-                raise
+                raise InputError(f"{error}; tire-dynamics recover keeps what is whole") from None
         stretch.release(None)
         yield from stretch.take()
 
@@ -263,11 +268,13 @@ class _Stretch:
         rows[0] = place
         rows[4] += self._length
         overlap = self._held.shape[1] > 0
+        if overlap:
+            count, size = self._held.shape[1] + rows.shape[1], self._held[5].sum() + rows[5].sum()
+            if 200 * count + int(size) > _MAX_PENDING:
+                raise _DamageError("its messages are too far out of order")
         self._held = np.concatenate([self._held, rows], axis=1) if overlap else rows
         self._data.append(data)
         self._length += len(data)
-        if overlap and 200 * self._held.shape[1] + int(self._held[5].sum()) > _MAX_PENDING:
-            raise _DamageError("its messages are too far out of order")
 
     def sort(self, start: int) -> None:
         """Sort what is held by log time and place in the bag; none may be from before ``start``."""
@@ -337,8 +344,8 @@ def _files_of(path: Path) -> list[Path]:
             raise InputError(f"{metadata}: {name!r} is not a file of this folder")
         if not (path / name).exists():
             raise InputError(f"{path / name}: does not exist, though metadata.yaml lists it")
-    if not names:
-        raise InputError(f"{metadata}: lists no file")
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"{metadata}: lists {'a file twice' if names else 'no file'}")
     return [path / name for name in names]
 
 
@@ -412,7 +419,7 @@ class _BagFile:
         found: list[_Rows] = [np.empty((6, 0), np.int64)]
         for messages, _ in _records(data, in_chunk):
             heads = heads_at(data, messages)
-            topics = routes[np.minimum(heads["channel"], len(routes) - 1)]
+            topics = routes[np.minimum(heads["channel"].astype(np.int64), len(routes) - 1)]
             if (topics == _UNDECLARED).any():
                 raise _DamageError(f"channel {heads['channel'][topics == _UNDECLARED][0]} is not declared")
             take = topics != _UNWANTED

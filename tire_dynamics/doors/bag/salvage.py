@@ -246,8 +246,8 @@ class Salvage:
         else:
             file.seek(position + _RECORD.size)
             content = _exactly(file, min(length, _MESSAGE.size) if opcode == Opcode.MESSAGE else length)
-        certain = self._check(opcode, content)
-        if not certain and not self._follows(file, end, 1 if lost is None else _CHAIN):
+        self._check(opcode, content)
+        if not self._follows(file, end, 1 if lost is None else _CHAIN):
             raise _DamageError("a record does not fit")
         if lost is not None:
             self._lose(lost, position)
@@ -327,20 +327,19 @@ class Salvage:
         self.closed, self._sure, self._chunked = False, True, True
         self._pieces.extend((_CHUNKED, position, end - position))
 
-    def _check(self, opcode: int, content: bytes) -> bool:
-        """Whether a record's content shows where it ends; ``_DAMAGE`` if it is not one of its kind."""
+    def _check(self, opcode: int, content: bytes) -> None:
+        """See that a record's content is of its kind; ``_DAMAGE`` if it is not."""
         if opcode == Opcode.MESSAGE_INDEX:
             if int.from_bytes(content[2:6], "little") != len(content) - 6:
                 raise _DamageError("a record does not fit")
         kind = _KINDS.get(opcode)
         if kind is None:
-            return False
+            return
         record = kind.read(ReadDataStream(io.BytesIO(content)))
         builder = RecordBuilder()
         record.write(builder)  # the library takes a text that is cut off for a shorter one
         if builder.end()[_RECORD.size :] != content:
             raise _DamageError("a record does not fit")
-        return True
 
     def _remember(self, found: list[tuple[int, bytes]]) -> None:
         """Keep the first record that declares a schema or channel: damage may have taken it from where it is used."""

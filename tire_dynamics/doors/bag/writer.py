@@ -6,7 +6,7 @@ import functools
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
@@ -23,7 +23,7 @@ from .chunks import ChunkWriter
 from .reader import yaml_texts
 from .salvage import Declared
 
-__all__ = ["BagWriter", "load_message_definitions"]
+__all__ = ["BagWriter", "check_replaceable", "keep_apart", "load_message_definitions", "remove_bag"]
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 _QOS: dict[str, dict[str, Any]] = {
@@ -114,6 +114,8 @@ class BagWriter:
         metadata: Mapping[str, Mapping[str, str]] | None = None,
     ) -> None:
         self.folder = Path(folder)
+        if self.folder.name in ("", ".."):
+            self.folder = self.folder.resolve()
         self._force = force
         self._topics: dict[str, int] = {}
         self._topic_metadata: list[dict[str, Any]] = []
@@ -125,13 +127,15 @@ class BagWriter:
         self._finished: list[_File] = []
         self._options = chunk_size, compression
 
-        name = self.folder.absolute().name
-        _check_replaceable(self.folder, force)
+        name = self.folder.name
+        if not name.isprintable():  # metadata.yaml must hold it, and its readers differ on the rest
+            raise InputError(f"{self.folder}: a bag's name must be of letters that can be printed")
+        check_replaceable(self.folder, force)
         self._work = self.folder.with_name(f".{name}.{os.urandom(4).hex()}") if aside else self.folder
         self._file_name = f"{name}_0.mcap"
         try:
             if not aside:
-                _remove_bag(self.folder)
+                remove_bag(self.folder)
             self._work.mkdir(parents=True)
             self._begin_file()
             for record, content in (metadata or {}).items():
@@ -302,6 +306,11 @@ class BagWriter:
         """Bytes in the present file, without those of the chunk in the making."""
         return self._file.tell()
 
+    @property
+    def in_place(self) -> bool:
+        """Whether the present file still has its name, and has not been removed."""
+        return os.fstat(self._file.fileno()).st_nlink > 0
+
     def split(self) -> None:
         """Go on in another file of the bag, ``<name of folder>_<number>.mcap``; the one before is whole."""
         self._finish_file()
@@ -328,8 +337,8 @@ class BagWriter:
         text = "rosbag2_bagfile_information:\n" + indent(information, "  ")
         (self._work / "metadata.yaml").write_text(text, "utf-8")
         if self._work != self.folder:
-            _check_replaceable(self.folder, self._force)
-            _remove_bag(self.folder)
+            check_replaceable(self.folder, self._force)
+            remove_bag(self.folder)
             self._work.rename(self.folder)
 
     def _information(self, files: Sequence[_File]) -> dict[str, Any]:
@@ -428,7 +437,15 @@ def _qos_profile(profile: Mapping[str, Any]) -> dict[str, Any]:
     return known
 
 
-def _check_replaceable(folder: Path, force: bool) -> None:
+def keep_apart(source: Path, files: Iterable[Path], output: Path) -> None:
+    """See that nothing is written over what is read, or into it; ``InputError`` if it would be."""
+    target = output.resolve()
+    places = [path.resolve() for path in (source, *files)]
+    if any(place == target or target in place.parents or place in target.parents for place in places):
+        raise InputError(f"{output}: is where {source} is; what is read is never changed")
+
+
+def check_replaceable(folder: Path, force: bool) -> None:
     """An output that exists is left alone, unless it may be replaced and is a bag and nothing else."""
     if not os.path.lexists(folder):
         return
@@ -445,8 +462,8 @@ def _belongs_to_a_bag(name: str) -> bool:
     return name == "metadata.yaml" or name.endswith(".mcap")
 
 
-def _remove_bag(folder: Path) -> None:
-    """Remove a folder that ``_check_replaceable`` has passed, file by file: what it does not know stays."""
+def remove_bag(folder: Path) -> None:
+    """Remove a folder that ``check_replaceable`` has passed, file by file: what it does not know stays."""
     if folder.is_dir():
         for name in os.listdir(folder):
             if _belongs_to_a_bag(name):
