@@ -17,7 +17,10 @@ endif
 
 BENCHMARKS := step replay stability start live
 
-.PHONY: help run test lint types bench clean
+MINUTES := 30
+KILLS := 50
+
+.PHONY: help run test lint types bench soak kill clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -38,6 +41,12 @@ bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go t
 	@mkdir -p build/bench
 	@set -e; for name in $(BENCHMARKS); do \
 		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
+
+soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
+	$(PY) benchmarks/soak.py --minutes $(MINUTES)
+
+kill: $(READY)  ## SIGKILL at KILLS (50) random moments: what the log loses; `make test` does it a few times
+	TIRE_DYNAMICS_KILLS=$(KILLS) $(PY) -m pytest test/test_log_faults.py -k sigkill -rP
 
 clean:  ## remove .venv and everything that was built
 	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

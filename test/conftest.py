@@ -14,6 +14,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from tire_dynamics.doors.compilation import compile_kernels
+
 REPOSITORY = Path(__file__).parents[1]
 
 # No deadline: how long an example takes says more about the machine than about the code. In CI the examples
@@ -21,6 +23,12 @@ REPOSITORY = Path(__file__).parents[1]
 settings.register_profile("local", deadline=None)
 settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled():
+    """The loops are compiled before the first test, whose time would not be its own."""
+    compile_kernels()
 
 
 @pytest.fixture(scope="session")

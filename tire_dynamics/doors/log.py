@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import threading
 import time
@@ -47,8 +48,8 @@ class Log:
         The bag.
     error : str or None
         Why the log ended, if it did.
-    dropped : Counter
-        Messages that were not logged, by topic.
+    kept : bool
+        Whether anything has reached the disk.
     files : int
         How many files there are by now.
     """
@@ -64,14 +65,16 @@ class Log:
     ) -> None:
         self.folder = directory / f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
         self.error: str | None = None
-        self.dropped: Counter[str] = Counter()
         self.written = 0
+        self.kept = False
         self.files = 1
         self._max_size, self._max_duration = max_size or math.inf, max_duration or math.inf
         self._topics = dict(topics)
         self._queue_size = queue_size
         self._compression = "" if compression == "none" else compression
         self._queue: deque[tuple[str, int, int, bytes]] = deque()
+        self._refused: Counter[str] = Counter()
+        self._unsure: Counter[str] = Counter()  # handed to the bag since its last flush
         self._ending = threading.Event()
         self._opened = threading.Event()
         self._thread = threading.Thread(target=self._run, name="log", daemon=True)
@@ -81,6 +84,14 @@ class Log:
     def waiting(self) -> int:
         """Messages handed over and not yet written."""
         return len(self._queue)
+
+    @property
+    def dropped(self) -> Counter[str]:
+        """Messages that were not logged, by topic; of a log that has ended with an error, also those since the last
+        flush, of which some may be in the file."""
+        if self.error is None:
+            return self._refused.copy()
+        return self._refused + self._unsure + Counter(topic for topic, *_ in self._queue)
 
     def put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> bool:
         """Hand a message over, times in ns; whether it was taken. Never waits."""
@@ -92,7 +103,7 @@ class Log:
 
     def drop(self, topic: str) -> None:
         """Count a message that is not logged."""
-        self.dropped[topic] += 1
+        self._refused[topic] += 1
 
     @property
     def has_room(self) -> bool:
@@ -134,7 +145,7 @@ class Log:
             self.error = " ".join(f"{self.folder}: {error}".split())
         finally:
             self._opened.set()
-            if self.error is not None and not self.written:
+            if self.error is not None and not self.kept:
                 self._remove_what_is_empty()
 
     def _remove_what_is_empty(self) -> None:
@@ -167,6 +178,7 @@ class Log:
                 batch = [self._queue.popleft() for _ in range(len(self._queue))]
                 if batch:
                     topics, log_times, publish_times, payloads = zip(*batch, strict=True)
+                    self._unsure.update(topics)
                     writer.write_block([handles[topic] for topic in topics], log_times, publish_times, payloads)
                     self.written += len(batch)
                 now = time.monotonic()
@@ -176,4 +188,8 @@ class Log:
                     full = now + self._max_duration
                 if now >= due:
                     writer.flush()
+                    if not writer.in_place:
+                        raise OSError(errno.ENOENT, "the file has been removed")
+                    self.kept = True
+                    self._unsure.clear()
                     due = time.monotonic() + _FLUSH_INTERVAL

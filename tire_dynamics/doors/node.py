@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -22,11 +23,11 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
 from . import messages
 from .bag import load_message_definitions
+from .compilation import compile_kernels
 from .errors import InputError
 from .log import Log
 from .parameters import NODE_NAME, PARAMETERS, Parameter, complete
@@ -41,9 +42,19 @@ _TYPES = {
     "string[]": RosParameter.Type.STRING_ARRAY,
 }
 _LOG_RETRY, _LONGEST_LOG_RETRY = 2.0, 60.0  # [s] between two attempts to go on with a log after an error
+_WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _DIAGNOSTICS = "/diagnostics"
 _DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+
+
+class _Duty:
+    """What is done every so often, beside the ticks; times in ns on the steady clock."""
+
+    def __init__(self, seconds: float, call: Callable[[], None]) -> None:
+        self.call = call
+        self.period = round(1e9 * seconds)
+        self.due = time.monotonic_ns() + self.period
 
 
 class TireDynamicsNode(Node):
@@ -93,6 +104,7 @@ class TireDynamicsNode(Node):
         self._finishing: list[Log] = []
         self._record_due = False
         self._log_files = 1
+        self._log_trouble = ""  # what ended the last log, until another has reached the disk
         self._log_retry = 0.0  # when to try again after an error, on the monotonic clock
         self._log_pause = _LOG_RETRY
         self._dropped: Counter[str] = Counter()  # by the logs before this one
@@ -113,16 +125,17 @@ class TireDynamicsNode(Node):
         self._period = self._wiring.vehicle.settings.period
         self.add_on_set_parameters_callback(self._check_change)
         self.add_post_set_parameters_callback(self._apply_change)
-        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._deadline = time.monotonic_ns()
-        if not paced:
-            self.create_timer(self._period * 1e-9, self._tick, clock=steady)
-        self.create_timer(1.0, self._diagnose, clock=steady)
         # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities: list[dict[str, Any]] = [{} for _ in self._wiring.vehicle.schedules]
         self._next_wheel = 0
-        self.create_timer(1.0 / len(self._stabilities), self._look_at_stability, clock=steady)
+        self._duties = [_Duty(1.0, self._diagnose), _Duty(1.0 / len(self._stabilities), self._look_at_stability)]
+        if not paced:
+            # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
+            steady = Clock(clock_type=ClockType.STEADY_TIME)
+            self.create_timer(self._period * 1e-9, self._tick, clock=steady)
+            for duty in self._duties:
+                self.create_timer(duty.period * 1e-9, duty.call, clock=steady)
 
     def _connect(self) -> None:
         self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
@@ -206,8 +219,12 @@ class TireDynamicsNode(Node):
         return (self._deadline - time.monotonic_ns()) * 1e-9
 
     def pace(self) -> None:
-        """Tick if a tick is due. The deadlines lie one period apart; those that were missed altogether are left out."""
-        late = time.monotonic_ns() - self._deadline
+        """Tick if a tick is due, and do the rarer duties that are.
+
+        The deadlines lie one period apart; those that were missed altogether are left out.
+        """
+        steady = time.monotonic_ns()
+        late = steady - self._deadline
         if late >= 0:
             missed = late // self._period
             self._deadline += (1 + missed) * self._period
@@ -217,6 +234,10 @@ class TireDynamicsNode(Node):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
+        for duty in self._duties:
+            if steady >= duty.due:
+                duty.due = max(duty.due + duty.period, steady)
+                duty.call()
 
     def _after_last(self, stamp: int, now: int) -> int | None:
         """A stamp that lies behind the last one; None if there is no room for it. A clock set back starts anew."""
@@ -233,7 +254,7 @@ class TireDynamicsNode(Node):
         if stamp is None:
             return
         started = time.perf_counter()
-        self._put(TICK, now, stamp, messages.encode_clock(stamp))
+        logged = self._put(TICK, now, stamp, messages.encode_clock(stamp))
         produced = self._wiring.tick(stamp)
         for topic, data in produced:
             self._outputs[topic].publish(data)
@@ -246,7 +267,10 @@ class TireDynamicsNode(Node):
         if self._log is not None and produced:
             published = self._now()
             for topic, data in produced:
-                self._put(topic, published, stamp, data)
+                if logged:
+                    self._put(topic, published, stamp, data)
+                else:  # a replay has no outputs for a tick that is not in the log
+                    self._log.drop(self._full_names[topic])
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
@@ -308,11 +332,12 @@ class TireDynamicsNode(Node):
         """Begin another log when the disk has refused one."""
         self._finishing = [log for log in self._finishing if log.alive]
         if self._log is None or self._log.error is None:
-            if self._log is not None and self._log.written:
-                self._log_pause = _LOG_RETRY
+            if self._log is None or self._log.kept:
+                self._log_pause, self._log_trouble = _LOG_RETRY, ""
             self._log_retry = time.monotonic() + self._log_pause
         elif time.monotonic() >= self._log_retry:
             self.get_logger().error(self._log.error)
+            self._log_trouble = self._log.error
             self._finish_log()
             self.get_logger().info(f"trying {self._start_log().folder}")
             self._log_pause = min(2.0 * self._log_pause, _LONGEST_LOG_RETRY)
@@ -325,10 +350,10 @@ class TireDynamicsNode(Node):
             self._finishing.append(self._log)
             self._log = None
 
-    def _put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> None:
-        """Log a message; behind a gap, what a replay needs to go on first."""
+    def _put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> bool:
+        """Log a message, whether it was taken; behind a gap, what a replay needs to go on first."""
         if self._log is None:
-            return
+            return False
         name = self._full_names[topic]
         if self._log.files != self._log_files:  # each file can be replayed for itself
             self._log_files = self._log.files
@@ -339,6 +364,7 @@ class TireDynamicsNode(Node):
             self._log.drop(name)
         elif not self._log.put(name, log_time, publish_time, data):
             self._record_due = True  # a replay has to take up the thread behind the gap
+        return not self._record_due
 
     def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.success = True
@@ -413,8 +439,8 @@ class TireDynamicsNode(Node):
             values["log: files"] = log.files
             values["log: dropped"] = sum(dropped.values())
             values.update({f"log: dropped {topic}": count for topic, count in dropped.items()})
-            if log.error:
-                level, summary = DiagnosticStatus.ERROR, f"the log stopped: {log.error}"
+            if trouble := log.error or self._log_trouble:
+                level, summary = DiagnosticStatus.ERROR, f"the log stopped: {trouble}"
             elif dropped:
                 level, summary = DiagnosticStatus.WARN, f"{sum(dropped.values())} messages not logged"
         if self._namesakes > 0:
@@ -505,6 +531,9 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
         leftover = rclpy.utilities.remove_ros_args(["tire_dynamics", *arguments])[1:]
         if leftover:
             raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
+        compile_kernels(stopping)
+        if stopping():
+            return
         try:
             node = TireDynamicsNode(paced=True)
         except (ParameterException, NameValidationException, ValueError) as error:
@@ -514,14 +543,30 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
             executor.add_node(node)
             gc.collect()
             gc.freeze()  # what lives until the end need not be looked at again, tick after tick
-            never: Future[None] = Future()
+            threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
             while not stopping():  # docs/real_time.md says why so
-                executor.spin_until_future_complete(never, timeout_sec=max(node.until_tick(), _LEAST_SPIN))
+                left = node.until_tick()
+                if left <= 0.0:
+                    executor.spin_once(timeout_sec=_LEAST_SPIN)
+                while left > 0.0:
+                    executor.spin_once(timeout_sec=left)
+                    left = node.until_tick()
                 node.pace()
         finally:
             node.close()
     finally:
         rclpy.try_shutdown()
+
+
+def _wake(executor: Any) -> None:
+    """End the executor's wait now and then.
+
+    Where it was built for an old C library, it waits for a moment of the system's time: when that is set back by an
+    hour, and no message comes, it would wait for an hour.
+    """
+    while True:
+        time.sleep(_WAKE)
+        executor.create_task(int)
 
 
 def _shown(value: float | None, form: str) -> str:
