@@ -52,9 +52,10 @@ from tire_dynamics.doors.replay import replay
 PATIENCE = 60.0  # [s]
 SETTLE, WINDOW = 1.0, 1.0  # [s] until nothing is left of the start (12 1/s is the slowest decay), and compared
 FILE = 15.0  # [s] of each file of the log
-# The loads sway by 300 N at 1 Hz: what comes 20 ms late, on a machine that does other things, makes 40 N, 1 % of
-# the load. A wheel that keeps another wheel's or an old load is wrong by hundreds.
-TOLERANCE = 40.0  # [N]
+# The loads sway by 300 N at 1 Hz: what comes 20 ms late makes 40 N, 1 % of the load. On a machine that does more
+# some come later: so that for most wrenches, and for all of them what the timeout, 0.2 s, lets pass: 380 N,
+# and as much again for the motion that the next load then makes.
+MOST, TOLERANCE, ANY = 0.9, 40.0, 760.0  # [], [N], [N]
 # What must not grow, and what is within its noise. Memory: between the second and the last quarter of the run, since
 # what a fault needs for the first time (another log, another client) stays with the process.
 GROWTH = {"memory [MiB]": 16.0, "threads": 0.0, "descriptors": 0.0, "shared memory [MiB]": 0.1}
@@ -74,10 +75,10 @@ def main() -> int:
     options.add_argument("--only", metavar="FAULT", help="this kind alone")
     options.add_argument("--json", metavar="FILE", help="write the figures there as well")
     options.add_argument("--check", metavar="MCAP", help=argparse.SUPPRESS)
-    options.add_argument("--listen", action="store_true", help=argparse.SUPPRESS)
+    options.add_argument("--listen", metavar="NAME", help=argparse.SUPPRESS)
     given = options.parse_args()
     if given.listen:
-        return listen()
+        return listen(given.listen)
     if given.check:
         return check(Path(given.check))
     os.environ["PYTHONWARNINGS"] = "error::RuntimeWarning"
@@ -349,11 +350,13 @@ class Soak:
             late = at[known] > times[-1] - WINDOW
             if late.sum() < 0.2 * self.rate * WINDOW:
                 return 0, 0.0, f"{name}: {late.sum()} wrenches in {WINDOW:g} s"
-            if error[late].max() > TOLERANCE:
-                return 0, 0.0, f"{name}: off by {error[late].max():.1f} N"
-            wrong = np.flatnonzero(error > TOLERANCE)
-            first = stamps[known][wrong[-1] + 1] if wrong.size else stamps[known][0]
-            latest, worst = max(latest, int(first)), max(worst, float(error[late].max()))
+            most = float(np.quantile(error[late], MOST))
+            if most > TOLERANCE or error[late].max() > ANY:
+                return 0, 0.0, f"{name}: off by {most:.1f} N, {error[late].max():.1f} N at the most"
+            right = error <= TOLERANCE
+            share = np.cumsum(right[::-1])[::-1] / np.arange(right.size, 0, -1)  # of those from here on
+            first = stamps[known][np.flatnonzero(right & (share >= MOST))[0]]
+            latest, worst = max(latest, int(first)), max(worst, most)
         return latest, worst, ""
 
     def now(self) -> dict[str, float]:
@@ -705,10 +708,10 @@ def namesake(soak: Soak) -> None:
     soak.await_(lambda: soak.feeder.statuses and "are called" not in soak.status().message, "the warning's end")
 
 
-def listen() -> int:
+def listen(name: str) -> int:
     """Hear the wrenches until a signal: what runs in a process of its own for the two faults below."""
     rclpy.init()
-    node = rclpy.create_node("listener")
+    node = rclpy.create_node(name)
     for wheel in WHEELS:
         node.create_subscription(WrenchStamped, f"{wheel}/axle_wrench", lambda message: None, 10)
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
@@ -727,12 +730,11 @@ def listener_killed(soak: Soak) -> None:
 
 
 def listener(soak: Soak, number: signal.Signals) -> None:
-    topic = f"/{WHEELS[-1]}/axle_wrench"
     before = {str(path) for path in Path("/dev/shm").glob("*")}
-    known = soak.feeder.node.count_subscribers(topic)
-    with subprocess.Popen([sys.executable, __file__, "--listen"], stderr=subprocess.DEVNULL) as other:
+    name = f"listener_{len(soak.done)}"
+    with subprocess.Popen([sys.executable, __file__, "--listen", name], stderr=subprocess.DEVNULL) as other:
         try:
-            soak.await_(lambda: soak.feeder.node.count_subscribers(topic) > known, "the listener")
+            soak.await_(lambda: name in soak.feeder.node.get_node_names(), "the listener")
             soak.feeder.run(0.5)
             if number == signal.SIGKILL:  # leaves its part of the shared memory to whoever cleans up
                 soak.litter += [Path(name) for name in shared_files(other.pid) if name not in before]

@@ -301,7 +301,7 @@ def test_random_damage(tmp_path_factory, compression, some):
     Two thousand files, the same every time, go through the reader and through recover; every tenth through a replay,
     which takes four times as long.
     """
-    folder = tmp_path_factory.getbasetemp() / "damage"
+    folder = tmp_path_factory.getbasetemp() / "random_damage"
     folder.mkdir(exist_ok=True)
     content = BAG[compression]
     scale = len(content) / len(BAG["zstd"])
