@@ -391,8 +391,9 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
         replay(source, tmp_path / f"out_{seconds:g}")
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
-    # Three times the messages are 120 000 more and 40 MB; the index of their chunks is a few hundred bytes a chunk.
-    assert peaks[1] < 1.1 * peaks[0]
+    # 120 000 messages more, each at least 100 bytes: kept, they would be 12 MB and up. Which parts of the block that is
+    # written and of the one that is computed meet is the threads' affair, and worth a few MB either way.
+    assert peaks[1] - peaks[0] < 8e6
 
 
 # --- a real drive ---
