@@ -49,10 +49,12 @@ def axes(draw, unit):
         count = draw(st.integers(2, 4))
         if name == "speed":
             values = np.linspace(draw(st.sampled_from([-700.0, 0.0])), draw(st.floats(100.0, 3000.0)), count)
-        elif name.startswith("zeta_"):
+        elif name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             values = np.linspace(0.0, draw(st.floats(0.1, 0.9)), count)
         elif name == "contact_half_angle":
             values = np.linspace(0.0, 1.5, count)
+        elif name in ("longitudinal_stiffness", "longitudinal_mass"):
+            values = np.linspace(0.0, 100.0, count) + (1e5 if name == "longitudinal_stiffness" else 0.0)
         else:
             values = getattr(unit, name) * np.linspace(0.5, 2.0, count)
         made.append((name, values))

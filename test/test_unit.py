@@ -19,9 +19,11 @@ from tire_dynamics import TireWheelUnit
 from tire_dynamics.science.yaml_file import read_yaml, yaml_number
 
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
-RATIOS = ["zeta_1", "zeta_s", "zeta_n"]
-POSITIVE = [name for name in FIELDS if name not in (*RATIOS, "contact_half_angle", "sidewall_damping")]
-NUMBERS = [*POSITIVE, *RATIOS, "contact_half_angle"]
+RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]
+NOT_NEGATIVE = ["longitudinal_stiffness", "longitudinal_mass"]
+OTHERS = (*RATIOS, *NOT_NEGATIVE, "contact_half_angle", "sidewall_damping")
+POSITIVE = [name for name in FIELDS if name not in OTHERS]
+NUMBERS = [*POSITIVE, *RATIOS, *NOT_NEGATIVE, "contact_half_angle"]
 TABLE_1 = TireWheelUnit.table_1()
 CONFIG = Path(__file__).parents[1] / "config" / "table_1.yaml"
 
@@ -36,6 +38,7 @@ def mappings(draw):
     values = {name: draw(positive) for name in POSITIVE} | {name: draw(ratio) for name in RATIOS}
     values["thickness"] = values["radius"] * draw(st.floats(1e-3, 0.99))
     values["contact_half_angle"] = draw(half_angle)
+    values |= {name: draw(st.just(0.0) | positive) for name in NOT_NEGATIVE}
     return values | {"sidewall_damping": draw(st.sampled_from(["modal", "reaction"]))}
 
 
@@ -43,7 +46,8 @@ def test_fields():
     assert FIELDS == [
         "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness", "radial_stiffness",
         "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s",
-        "zeta_n", "contact_half_angle", "sidewall_damping",
+        "zeta_n", "contact_half_angle", "sidewall_damping", "longitudinal_stiffness", "longitudinal_damping_ratio",
+        "longitudinal_mass",
     ]  # fmt: skip
 
 
@@ -64,6 +68,13 @@ def refused(name, value, bound):
     message = str(caught.value)
     assert message.startswith(name) and bound in message and "\n" not in message, message
     return message
+
+
+@pytest.mark.parametrize("name", NOT_NEGATIVE)
+@given(value=st.floats(max_value=0.0, exclude_max=True, allow_infinity=False))
+@settings(max_examples=10)
+def test_negative(name, value):
+    assert repr(value) in refused(name, value, ">= 0")
 
 
 @pytest.mark.parametrize("name", POSITIVE)
@@ -281,7 +292,7 @@ def test_config_is_table_1():
 
 
 def test_defaults_in_yaml(tmp_path):
-    text = table_1_text(zeta_1=None, zeta_s=None, zeta_n=None, contact_half_angle=None, sidewall_damping=None)
+    text = table_1_text(**dict.fromkeys(OTHERS))
     assert TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", text)) == TABLE_1
 
 

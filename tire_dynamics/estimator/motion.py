@@ -48,7 +48,7 @@ class Motion:
 
     Attributes
     ----------
-    state : ndarray, shape (W, 6) or (W, 10)
+    state : ndarray, shape (W, n)
         Fixed-frame states as :func:`~tire_dynamics.science.wheel.fixed_frame_matrix` has them.
     turning_at : ndarray, shape (W,)
         The speed [rad/s] that the states' velocities are for.
@@ -65,12 +65,13 @@ class Motion:
         self._room = Room()
         self.turning_at = np.zeros(wheels)
         self.phase = np.zeros(wheels)
+        self.state = np.zeros((wheels, wheel.states(unit, model)))
         self.set_unit(unit)
-        self.state = np.zeros((wheels, self._stepper.states))
 
     def set_unit(self, unit: TireWheelUnit) -> None:
-        """Change the tire from now on. Positions and velocities go on as they are."""
+        """Change the tire from now on. Positions and velocities go on as they are; a wheel is let go at rest."""
         self.unit = unit
+        self.state = wheel.reshaped(self.state, wheel.states(unit, self.model))
         self._stepper = wheel.stepper(unit, self.model)
         self._series = self._series_at(self.turning_at).copy()
         self._output_at: list[float] = []

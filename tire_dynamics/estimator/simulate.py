@@ -125,7 +125,7 @@ def simulate(
     return Response(
         time=t,
         axle_force=axle,
-        wheel_displacement=states[:, -1],
+        wheel_displacement=wheel.wheel_displacement(states, model)[0],
         ring_centre=wheel.ring_centre(states, model) * [-1.0, 1.0],  # the paper's X is -x_ros
         u_z=u_z,
         u_theta=u_theta,

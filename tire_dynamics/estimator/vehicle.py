@@ -223,6 +223,11 @@ class Vehicle:
 
         A time before the last one means that the clock was set back: everything is forgotten, and the wheels
         start again from equilibrium with the inputs to come.
+
+        Parameters
+        ----------
+        stamp : int
+            [ns]
         """
         if self.time is not None and stamp < self.time:
             self.clock_resets += 1
@@ -255,6 +260,10 @@ class Vehicle:
 
     def drive(self, events: Events) -> Outputs | None:
         """What the same calls one by one would do, :meth:`belts` behind each tick, bit for bit, for many at once.
+
+        Parameters
+        ----------
+        events : Events
 
         Returns
         -------

@@ -125,7 +125,12 @@ class WheelEstimator:
         return self._schedule.add_load(stamp, load, traction)
 
     def advance(self, stamp: int) -> bool:
-        """Bring the state to the given time [ns].
+        """Bring the state to the given time.
+
+        Parameters
+        ----------
+        stamp : int
+            [ns]
 
         Returns
         -------
@@ -181,7 +186,8 @@ class WheelEstimator:
     @property
     def ring_state(self) -> FloatArray:
         """Ring-frame state of (5.1) [m/s, m]."""
-        return wheel.rotation(self.phase, float(self._motion.turning_at[0]), self.model) @ self.state
+        speed = float(self._motion.turning_at[0])
+        return wheel.rotation(self.phase, speed, self.model, self._motion.unit.is_held) @ self.state
 
     @property
     def axle_force(self) -> tuple[float, float]:

@@ -77,8 +77,9 @@ def advance_first(
         for t in range(T):
             while i < stop[t, w]:
                 if jump[i] != 0.0:
-                    stretch = jump[i] * (state[w, 5] + state[w, 8])
-                    shear = jump[i] * (state[w, 6] - state[w, 7])
+                    X = n // 2
+                    stretch = jump[i] * (state[w, X] + state[w, X + 3])
+                    shear = jump[i] * (state[w, X + 1] - state[w, X + 2])
                     state[w, 0] -= shear
                     state[w, 1] += stretch
                     state[w, 2] -= stretch

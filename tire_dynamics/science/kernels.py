@@ -76,7 +76,7 @@ def advance_first(
     which : ndarray of int, shape (I,)
         Coefficients of each step.
     jump : ndarray, shape (I,)
-        Change of the speed before the step [rad/s] where the state has Euler terms (n = 10); otherwise zero.
+        Change of the speed before the step [rad/s] in the complete model, whose state has Euler terms; otherwise zero.
     begin : ndarray of int, shape (W,)
         First step of each wheel.
     stop : ndarray of int, shape (T, W)
@@ -148,8 +148,9 @@ def _transitions(coefficients: FloatArray, length: FloatArray, doublings: IntArr
 
 
 def _euler(state: FloatArray, change: FloatArray) -> None:
-    """The jump of the complete model's state (X', Y', U', V', y', X, Y, U, V, y) with the speed."""
-    stretch, shear = change * (state[:, 5] + state[:, 8]), change * (state[:, 6] - state[:, 7])
+    """The jump of the complete model's state (X', Y', U', V', y', X, Y, U, V, y), or with x' and x, with the speed."""
+    X, Y, U, V = (state[:, state.shape[1] // 2 + k] for k in range(4))
+    stretch, shear = change * (X + V), change * (Y - U)
     state[:, 0] -= shear
     state[:, 1] += stretch
     state[:, 2] -= stretch

@@ -165,6 +165,10 @@ class _Units(TireWheelUnit):
     def _sqrt(self, number: Any) -> Any:
         return np.sqrt(number)
 
+    @property
+    def is_held(self) -> bool:
+        return not np.any(self.longitudinal_stiffness)  # all or none: the corners are looked at
+
 
 def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: wheel.Model) -> _Grid:
     (x_name, x_values), (y_name, y_values) = ((name, _increasing(name, values)) for name, values in (x, y))
@@ -178,8 +182,10 @@ def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: whe
     elif not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
     grid = _Grid(unit, x_name, y_name, x_values, y_values, speed, model)
-    for corner in ((i, j) for i in (0, -1) for j in (0, -1)):  # bounds are intervals: what holds here holds between
-        unit.replace(**_fields(grid, float(x_values[corner[0]]), float(y_values[corner[1]])))
+    corners = ((i, j) for i in (0, -1) for j in (0, -1))  # bounds are intervals: what holds here holds between
+    units = [unit.replace(**_fields(grid, float(x_values[i]), float(y_values[j]))) for i, j in corners]
+    if len({each.is_held for each in units}) > 1:
+        raise ValueError("longitudinal_stiffness is 0.0, which holds the wheel, beside others; it must be > 0")
     return grid
 
 

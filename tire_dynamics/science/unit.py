@@ -51,6 +51,12 @@ class TireWheelUnit:
     sidewall_damping : {"modal", "reaction"}
         "modal" is the paper's: damping of the ring's motion as seen from the rotating axes, with no reaction
         on the wheel. "reaction" puts the dashpots beside the sidewall springs, between belt and wheel.
+    longitudinal_stiffness : float
+        Fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0, the paper's case, holds the wheel.
+    longitudinal_damping_ratio : float
+        Its damping ratio zeta_x, in [0, 1).
+    longitudinal_mass : float
+        Mass that moves fore and aft with the wheel, without the belt, m_x [kg]; 0: the wheel's, M.
 
     Notes
     -----
@@ -73,6 +79,9 @@ class TireWheelUnit:
     zeta_n: float = 0.02
     contact_half_angle: float = 0.0
     sidewall_damping: Literal["modal", "reaction"] = MODAL
+    longitudinal_stiffness: float = 0.0
+    longitudinal_damping_ratio: float = 0.0
+    longitudinal_mass: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -89,12 +98,15 @@ class TireWheelUnit:
                 number = math.inf
             if not math.isfinite(number):
                 raise ValueError(f"{field.name} is {number!r}; it must be finite")
-            if field.name.startswith("zeta_"):
+            if field.name.startswith("zeta_") or field.name == "longitudinal_damping_ratio":
                 if not 0.0 <= number < 1.0:
                     raise ValueError(f"{field.name} is {number!r}; a damping ratio must be in [0, 1)")
             elif field.name == "contact_half_angle":
                 if not 0.0 <= number <= 0.5 * math.pi:
                     raise ValueError(f"{field.name} is {number!r}; it must be in [0, pi/2]")
+            elif field.name in ("longitudinal_stiffness", "longitudinal_mass"):
+                if number < 0.0:
+                    raise ValueError(f"{field.name} is {number!r}; it must be >= 0")
             elif number <= 0.0:
                 raise ValueError(f"{field.name} is {number!r}; it must be > 0")
             object.__setattr__(self, field.name, number)
@@ -114,6 +126,8 @@ class TireWheelUnit:
                 self.membrane_stiffness / self.radius**2 / self.surface_density,
                 self.sidewall_stiffness / self.wheel_mass,
                 self.suspension_stiffness / self.wheel_mass,
+                self.sidewall_stiffness / self.fore_aft_mass,
+                1.0 if self.is_held else self.longitudinal_stiffness / self.fore_aft_mass,
             )
         except (ZeroDivisionError, OverflowError):
             return (math.inf,)
@@ -144,6 +158,22 @@ class TireWheelUnit:
     def suspension_damping(self) -> float:
         """Damping of the suspension, c_s = 2 zeta_s sqrt(k_s (M + m)) [N s/m]."""
         return 2.0 * self.zeta_s * self._sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the wheel cannot move fore and aft."""
+        return self.longitudinal_stiffness == 0.0
+
+    @property
+    def fore_aft_mass(self) -> float:
+        """What moves fore and aft with the wheel, m_x or M [kg]."""
+        return self.longitudinal_mass + (self.longitudinal_mass == 0.0) * self.wheel_mass
+
+    @property
+    def longitudinal_damping(self) -> float:
+        """Fore-aft damping, c_x = 2 zeta_x sqrt(k_x (m_x + m)) [N s/m]."""
+        mass = self.fore_aft_mass + self.ring_mass
+        return 2.0 * self.longitudinal_damping_ratio * self._sqrt(self.longitudinal_stiffness * mass)
 
     def _sqrt(self, number: float) -> float:  # maps.py has units whose numbers are arrays
         return math.sqrt(number)
@@ -187,6 +217,10 @@ class TireWheelUnit:
     def from_yaml(cls, path: str | PathLike[str]) -> TireWheelUnit:
         """A unit from a YAML file of field names and values, such as ``config/table_1.yaml``.
 
+        Parameters
+        ----------
+        path : path
+
         Raises
         ------
         OSError
@@ -195,6 +229,19 @@ class TireWheelUnit:
             It is not such a mapping, or a field is unknown, missing or out of bounds.
         """
         return cls.from_mapping(read_yaml(path))
+
+    @classmethod
+    def from_tir(
+        cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
+    ) -> TireWheelUnit:
+        """A unit with the rigid ring of an MF-Tyre/MF-Swift property file.
+
+        Parameters and errors are those of :func:`.tir_file.unit_from_tir`, which also says what is assumed.
+        """
+        from .tir_file import unit_from_tir  # which builds on this module
+
+        whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
+        return cls.from_mapping(whole.unit.to_mapping())
 
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values."""

@@ -7,6 +7,7 @@ Equation numbers are those of Huang & Hsu (1992). The ring-frame state is (5.1)
 
 and the fixed-frame state has the same shape, with each pair turned by phi = int Omega dt:
 X = alpha cos phi - beta sin phi, Y = alpha sin phi + beta cos phi, and likewise U, V from xi, eta.
+A wheel that gives fore and aft has x' behind y' and x behind y, along the paper's X: 8 and 12 states.
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ from .unit import MODAL, TireWheelUnit
 
 if TYPE_CHECKING:
     from .maps import StabilityMap, TransmissibilityMap, stability_map, transmissibility_map
+    from .response import frequency_response, whirl_frequencies
 
 __all__ = [
     "FixedFrame",
@@ -43,17 +45,22 @@ __all__ = [
     "equilibrium",
     "fixed_frame",
     "fixed_frame_matrix",
+    "frequency_response",
     "is_unstable",
     "output_matrices",
+    "reshaped",
     "ring_centre",
     "rotation",
     "stability",
     "stability_map",
     "stacked_frames",
     "state_matrix",
+    "states",
     "stepper",
     "transmissibility",
     "transmissibility_map",
+    "wheel_displacement",
+    "whirl_frequencies",
 ]
 
 Model = Literal["complete", "inextensional"]
@@ -78,6 +85,16 @@ class FixedFrame(NamedTuple):
 def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFrame:
     """The parts of the fixed-frame system, for the given model and the unit's ``sidewall_damping``.
 
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    FixedFrame
+        Its matrices are shared, and cannot be written to.
+
     Notes
     -----
     Complex amplitudes Z = X + i Y turn the rotation into z = Z exp(-i phi), hence z' -> Z' - i Omega Z. In
@@ -97,6 +114,11 @@ def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = 
     The columns of ``input`` are those of a point load.
     """
     return _builder(model)(units, 1.0, shape)
+
+
+def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
+    """The number of states: 6 or 10, and two more for a wheel that gives fore and aft."""
+    return (6 if model == "inextensional" else 10) + 2 * (not unit.is_held)
 
 
 def _builder(model: str) -> Callable[..., FixedFrame]:
@@ -132,7 +154,42 @@ def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = 
         _set(output_spin, 0, {4: -c_1, 5: c_1})
     _set(force, 0, {1: -spread / m})
     _set(force, 1, {0: spread / m})
-    return FixedFrame(constant, spin, force, output, output_spin)
+    system = FixedFrame(constant, spin, force, output, output_spin)
+    return system if unit.is_held else _inextensional_fore_and_aft(unit, system, kappa, d)
+
+
+def _inextensional_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, kappa: float, d: float) -> FixedFrame:
+    """With x, which the sidewall's forces act on as they do on y; docs/model.md, section 5."""
+    m, M, m_x, k_1 = unit.ring_mass, unit.wheel_mass, unit.fore_aft_mass, unit.sidewall_stiffness
+    k_x, c_x = unit.longitudinal_stiffness, unit.longitudinal_damping
+    system = _with_place_for_x(held)
+    X, Y, x = 4, 5, 7  # columns; those of their velocities lie 4 before
+    _set(system.constant, 0, {x: kappa})
+    _set(system.constant, 3, {X: k_1 / m_x, x: -(k_1 + k_x) / m_x, x - 4: -c_x / m_x})
+    _set(system.output, 0, dict.fromkeys(range(8), 0.0) | {x: -k_x, x - 4: -c_x})
+    _set(system.output_spin, 0, dict.fromkeys(range(8), 0.0))
+    if unit.sidewall_damping != MODAL:
+        c_1 = m * d
+        _set(system.constant, 0, {x - 4: d})
+        _set(system.constant, 3, {X - 4: c_1 / m_x, x - 4: -(c_x + c_1) / m_x})
+        _set(system.spin, 1, {x: -d})
+        _set(system.spin, 2, {x: c_1 / M})
+        _set(system.spin, 3, {Y: c_1 / m_x, Y + 1: -c_1 / m_x})
+    return system
+
+
+def _with_place_for_x(held: FixedFrame) -> FixedFrame:
+    """The same system with a row and a column of zeros for x' behind y' and for x behind y."""
+    *shape, n, _ = held.constant.shape
+    old = np.array([k for k in range(n + 2) if k not in (n // 2, n + 1)])
+    system = _zeros(tuple(shape), n + 2)
+    for large, small in zip(system[:2], held[:2], strict=True):
+        large[..., old[:, None], old] = small
+    system.input[..., old, :] = held.input
+    system.output[..., old] = held.output
+    system.output_spin[..., old] = held.output_spin
+    _set(system.constant, n + 1, {n // 2: 1.0})
+    return system
 
 
 def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
@@ -170,7 +227,34 @@ def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -
         _set(output_spin, 0, {6: -c_1, 7: -c_1, 9: 2.0 * c_1})
     _set(force, 1, {0: spread / half_mass})
     _set(force, 3, {1: spread / half_mass})
-    return FixedFrame(constant, spin, force, output, output_spin)
+    system = FixedFrame(constant, spin, force, output, output_spin)
+    return system if unit.is_held else _complete_fore_and_aft(unit, system, d)
+
+
+def _complete_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, d: Any) -> FixedFrame:
+    """With x, on which the belt's X pulls and its V pushes; docs/model.md, section 5."""
+    M, m_x, k_x, c_x = unit.wheel_mass, unit.fore_aft_mass, unit.longitudinal_stiffness, unit.longitudinal_damping
+    area = math.pi * unit.radius * unit.width
+    radial, tangential = unit.radial_stiffness, unit.tangential_stiffness
+    system = _with_place_for_x(held)
+    X, Y, U, V, y, x = range(6, 12)  # columns; those of their velocities lie 6 before
+    _set(system.constant, 0, {x: radial / unit.surface_density})
+    _set(system.constant, 3, {x: -tangential / unit.surface_density})
+    stiffness = area * (radial + tangential) + k_x
+    pulls = {X: area * radial / m_x, V: -area * tangential / m_x, x: -stiffness / m_x, x - 6: -c_x / m_x}
+    _set(system.constant, 5, pulls)
+    _set(system.output, 0, dict.fromkeys(range(12), 0.0) | {x: -k_x, x - 6: -c_x})
+    _set(system.output_spin, 0, dict.fromkeys(range(12), 0.0))
+    if unit.sidewall_damping != MODAL:
+        c_1 = area * unit.surface_density * d
+        _set(system.constant, 0, {x - 6: d})
+        _set(system.constant, 3, {x - 6: -d})
+        _set(system.constant, 5, {X - 6: c_1 / m_x, V - 6: -c_1 / m_x, x - 6: -(c_x + 2.0 * c_1) / m_x})
+        _set(system.spin, 1, {x: -d})
+        _set(system.spin, 2, {x: -d})
+        _set(system.spin, 4, {x: 2.0 * c_1 / M})
+        _set(system.spin, 5, {Y: c_1 / m_x, U: c_1 / m_x, y: -2.0 * c_1 / m_x})
+    return system
 
 
 def _zeros(shape: tuple[int, ...], states: int) -> FixedFrame:
@@ -230,7 +314,19 @@ def axle_forces(matrices: FloatArray, states: FloatArray) -> FloatArray:
 
 
 def change_speed(state: FloatArray, change: float, model: Model = "inextensional") -> FloatArray:
-    """The fixed-frame state after a jump of the speed [rad/s].
+    """The fixed-frame state after a jump of the speed.
+
+    Parameters
+    ----------
+    state : ndarray, shape (n,)
+    change : float
+        Of the spin Omega [rad/s].
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        A new one, or the same where nothing jumps.
 
     Notes
     -----
@@ -240,7 +336,7 @@ def change_speed(state: FloatArray, change: float, model: Model = "inextensional
     """
     if model == "inextensional" or change == 0.0:
         return state
-    X, Y, U, V = state[5:9]
+    X, Y, U, V = _amplitudes(state)
     jumped = state.copy()
     jumped[0] -= change * (Y - U)
     jumped[1] += change * (X + V)
@@ -255,18 +351,46 @@ def belt_amplitudes(state: FloatArray, model: Model = "inextensional") -> FloatA
     Parameters
     ----------
     state : ndarray, shape (..., 6) or (..., 10)
+    model : {"inextensional", "complete"}
 
     Returns
     -------
     ndarray, shape (..., 4)
         (a, b, c, d) of u_z = a cos psi + b sin psi and u_theta = c cos psi + d sin psi [m].
     """
-    y = state[..., -1]
+    y, x = wheel_displacement(state, model)
     if model == "inextensional":
-        X, Y = state[..., 3], state[..., 4]
-        return np.stack([X, Y - y, Y - y, -X], axis=-1)
-    X, Y, U, V = (state[..., k] for k in range(5, 9))
-    return np.stack([X, Y - y, U - y, V], axis=-1)
+        X, Y = _amplitudes(state, 2)
+        return np.stack([X - x, Y - y, Y - y, x - X], axis=-1)
+    X, Y, U, V = _amplitudes(state)
+    return np.stack([X - x, Y - y, U - y, V + x], axis=-1)
+
+
+def wheel_displacement(state: FloatArray, model: Model = "inextensional") -> tuple[FloatArray, FloatArray]:
+    """The wheel's y, up, and x, along the paper's X, which is backward [m], shape (...), from fixed-frame states.
+
+    Where it is held, x is zero.
+    """
+    half = state.shape[-1] // 2
+    up = half + (2 if model == "inextensional" else 4)
+    y: FloatArray = state[..., up]
+    return y, state[..., up + 1] if up + 1 < 2 * half else np.zeros_like(y)
+
+
+def reshaped(state: FloatArray, states: int) -> FloatArray:
+    """The same motion (..., n) with another number of states: x and x' left out, or added at rest."""
+    n = state.shape[-1]
+    if states == n:
+        return state
+    if states < n:
+        return np.delete(state, [n // 2 - 1, n - 1], axis=-1)
+    return np.insert(state, [n // 2, n], 0.0, axis=-1)
+
+
+def _amplitudes(state: FloatArray, count: int = 4) -> list[FloatArray]:
+    """X, Y and, of the complete model, U, V."""
+    half = state.shape[-1] // 2
+    return [state[..., half + k] for k in range(count)]
 
 
 def ring_centre(state: FloatArray, model: Model = "inextensional") -> FloatArray:
@@ -275,8 +399,8 @@ def ring_centre(state: FloatArray, model: Model = "inextensional") -> FloatArray
     The mean of u_z e_r + u_theta e_theta over the ring: ((X - V)/2, (Y + U)/2), which is (X, Y) if it cannot stretch.
     """
     if model == "inextensional":
-        return state[..., 3:5]
-    X, Y, U, V = (state[..., k] for k in range(5, 9))
+        return np.stack(_amplitudes(state, 2), axis=-1)
+    X, Y, U, V = _amplitudes(state)
     return 0.5 * np.stack([X - V, Y + U], axis=-1)
 
 
@@ -292,8 +416,9 @@ def fixed_frame_matrix(unit: TireWheelUnit, speed: float, model: Model = "inexte
 
     Returns
     -------
-    ndarray, shape (6, 6) or (10, 10)
-        F of z' = F z with z = [X', Y', y', X, Y, y], or [X', Y', U', V', y', X, Y, U, V, y].
+    ndarray, shape (n, n)
+        F of z' = F z with z = [X', Y', y', X, Y, y], or [X', Y', U', V', y', X, Y, U, V, y]; with x' and x behind
+        y' and y where the wheel gives fore and aft.
     """
     _check_speed(speed)
     system = fixed_frame(unit, model)
@@ -333,16 +458,28 @@ def _periodic_inextensional(unit: TireWheelUnit, W: float, s: float, c: float) -
     kappa = k_1 / m
     d = 2.0 * unit.zeta_1 * unit.rigid_mode_frequency
     stiff = kappa - W * W
-    A = np.zeros((6, 6))
-    A[3:, :3] = np.eye(3)
-    #            alpha'   beta'      y'       alpha        beta         y
-    A[0, :] = [     -d, 2.0 * W,    0.0,     -stiff,        0.0,  kappa * s]  # fmt: skip
-    A[1, :] = [-2.0 * W,     -d,    0.0,        0.0,     -stiff,  kappa * c]  # fmt: skip
-    A[2, :] = [    0.0,     0.0, -c_s / M, k_1 * s / M, k_1 * c / M, -(k_1 + k_s) / M]  # fmt: skip
-    if unit.sidewall_damping != MODAL:  # d acts on (alpha - y s, beta - y c)'
-        A[0, [2, 5]] += [d * s, d * W * c]
-        A[1, [2, 5]] += [d * c, -d * W * s]
+    reaction = unit.sidewall_damping != MODAL
+    n = states(unit)
+    A = np.zeros((n, n))
+    alpha, beta, y = n // 2, n // 2 + 1, n // 2 + 2
+    A[alpha:, :alpha] = np.eye(alpha)
+    _set(A, 0, {0: -d, 1: 2.0 * W, alpha: -stiff, y: kappa * s})
+    _set(A, 1, {0: -2.0 * W, 1: -d, beta: -stiff, y: kappa * c})
+    _set(A, 2, {2: -c_s / M, alpha: k_1 * s / M, beta: k_1 * c / M, y: -(k_1 + k_s) / M})
+    if reaction:  # d acts on (alpha - y s, beta - y c)'
+        A[0, [2, y]] += [d * s, d * W * c]
+        A[1, [2, y]] += [d * c, -d * W * s]
         A[2, :3] += [m * d * s / M, m * d * c / M, -m * d / M]
+    if unit.is_held:
+        return A
+    m_x, k_x, c_x, x = unit.fore_aft_mass, unit.longitudinal_stiffness, unit.longitudinal_damping, y + 1
+    A[0, x], A[1, x] = kappa * c, -kappa * s
+    A[3, [alpha, beta, x, 3]] = [k_1 * c / m_x, -k_1 * s / m_x, -(k_1 + k_x) / m_x, -c_x / m_x]
+    if reaction:  # d acts on (alpha - y s - x c, beta - y c + x s)'
+        A[0, [3, x]] += [d * c, -d * W * s]
+        A[1, [3, x]] += [-d * s, -d * W * c]
+        A[2, x] += m * d * W / M
+        A[3, [0, 1, 3, y]] += [m * d * c / m_x, -m * d * s / m_x, -m * d / m_x, -m * d * W / m_x]
     return A
 
 
@@ -353,29 +490,54 @@ def _periodic_complete(unit: TireWheelUnit, W: float, s: float, c: float) -> Flo
     g = math.pi * unit.radius * unit.width / M
     k_z, k_t = unit.radial_stiffness, unit.tangential_stiffness
     d = float(mode_damping(unit, 1, "complete"))
-    damping = np.diag([d, d, d, d, c_s / M])
+    half = states(unit, "complete") // 2
+    damping, stiffness = np.zeros((half, half)), np.zeros((half, half))
+    damping[:5, :5] = np.diag([d, d, d, d, c_s / M])
     damping[[0, 1], [2, 3]] = -2.0 * W
     damping[[2, 3], [0, 1]] = 2.0 * W
-    stiffness = np.diag([B_1, B_1, C_1, C_1, g * (k_z + k_t) + k_s / M])
+    stiffness[:5, :5] = np.diag([B_1, B_1, C_1, C_1, g * (k_z + k_t) + k_s / M])
     stiffness[0, 3] = stiffness[3, 0] = A_1
     stiffness[1, 2] = stiffness[2, 1] = -A_1
-    coupling = np.array([-k_z * s, -k_z * c, -k_t * c, k_t * s])
-    stiffness[:4, 4] = coupling / rho_h
-    stiffness[4, :4] = g * coupling
-    if unit.sidewall_damping != MODAL:  # d acts on (alpha - y s, beta - y c, xi - y c, eta + y s)'
-        direction = np.array([s, c, c, -s])
-        damping[:4, 4] -= d * direction
-        stiffness[:4, 4] -= d * W * np.array([c, -s, -s, -c])
-        damping[4, :4] -= g * rho_h * d * direction
-        damping[4, 4] += 2.0 * g * rho_h * d
-    A = np.zeros((10, 10))
-    A[5:, :5] = np.eye(5)
-    A[:5, :5], A[:5, 5:] = -damping, -stiffness
+    springs = np.array([k_z, k_z, k_t, k_t])
+    # The wheel's motion as the belt would have it: u_z = y sin(psi) + x cos(psi), u_theta = y cos(psi) - x sin(psi).
+    along_y, along_x = np.array([s, c, c, -s]), np.array([c, -s, -s, -c])
+    moved = [(4, M, along_y, along_x, 1.0)]  # number, mass, amplitudes, those of the other and the sign of their rate
+    if not unit.is_held:
+        m_x = unit.fore_aft_mass
+        damping[5, 5] = unit.longitudinal_damping / m_x
+        stiffness[5, 5] = (math.pi * unit.radius * unit.width * (k_z + k_t) + unit.longitudinal_stiffness) / m_x
+        moved.append((5, m_x, along_x, along_y, -1.0))
+    for k, mass, direction, across, sign in moved:
+        stiffness[:4, k] = -springs * direction / rho_h
+        stiffness[k, :4] = -g * M / mass * springs * direction
+        if unit.sidewall_damping != MODAL:  # d acts on the rates of the net deflections
+            c_1 = g * M * rho_h * d / mass
+            damping[:4, k] -= d * direction
+            stiffness[:4, k] -= d * W * sign * across
+            damping[k, :4] -= c_1 * direction
+            damping[k, k] += 2.0 * c_1
+            if len(moved) == 2:
+                stiffness[k, 9 - k] -= sign * 2.0 * c_1 * W
+    A = np.zeros((2 * half, 2 * half))
+    A[half:, :half] = np.eye(half)
+    A[:half, :half], A[:half, half:] = -damping, -stiffness
     return A
 
 
-def rotation(phase: float, speed: float, model: Model = "inextensional") -> FloatArray:
+def rotation(phase: float, speed: float, model: Model = "inextensional", held: bool = True) -> FloatArray:
     """The matrix that takes a fixed-frame state to the ring-frame state at phi = phase, spin Omega = speed.
+
+    Parameters
+    ----------
+    phase, speed : float
+        phi [rad] and Omega [rad/s].
+    model : {"inextensional", "complete"}
+    held : bool
+        Whether the wheel is held fore and aft.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
 
     Notes
     -----
@@ -384,14 +546,15 @@ def rotation(phase: float, speed: float, model: Model = "inextensional") -> Floa
     s, c = math.sin(phase), math.cos(phase)
     turn = np.array([[c, s], [-s, c]])
     pairs = 1 if model == "inextensional" else 2
-    half = 2 * pairs + 1
+    half = 2 * pairs + (1 if held else 2)
     T = np.zeros((2 * half, 2 * half))
     for first in range(0, 2 * pairs, 2):
         pair = slice(first, first + 2)
         shifted = slice(half + first, half + first + 2)
         T[pair, pair] = T[shifted, shifted] = turn
         T[pair, shifted] = -speed * turn @ np.array([[0.0, -1.0], [1.0, 0.0]])
-    T[half - 1, half - 1] = T[-1, -1] = 1.0
+    still = np.arange(2 * pairs, half)
+    T[still, still] = T[half + still, half + still] = 1.0
     return T
 
 
@@ -424,6 +587,11 @@ def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional
 @lru_cache(maxsize=256)
 def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    model : {"inextensional", "complete"}
 
     Notes
     -----
@@ -519,15 +687,19 @@ def transmissibility(unit: TireWheelUnit, speed: ArrayLike) -> float | FloatArra
     Returns
     -------
     float, or ndarray of the shape of speed
-        1/(1 + (2 zeta_1 Omega/omega_1)^2 (k_1 + k_s)/k_s) for modal damping; 1 for damping with a reaction,
-        whose dashpots cannot carry a constant force to anywhere but the wheel.
+        1/(1 + (2 zeta_1 Omega/omega_1)^2 (k_1 + k_s)/k_s (k_1 + k_x)/k_x) for modal damping, without the last factor
+        where the wheel is held; 1 for damping with a reaction, whose dashpots cannot carry a constant force to anywhere
+        but the wheel.
     """
     omega = np.asarray(speed, dtype=np.float64)
     if not np.isfinite(omega).all():
         raise ValueError(f"speed is {speed!r}; it must be finite")
     if unit.sidewall_damping == MODAL:
         ratio = 2.0 * unit.zeta_1 * omega / unit.rigid_mode_frequency
-        K = 1.0 / (1.0 + ratio * ratio * (unit.sidewall_stiffness / unit.suspension_stiffness + 1.0))
+        series = unit.sidewall_stiffness / unit.suspension_stiffness + 1.0
+        if not unit.is_held:
+            series = series * (unit.sidewall_stiffness / unit.longitudinal_stiffness + 1.0)
+        K = 1.0 / (1.0 + ratio * ratio * series)
     else:
         K = np.ones_like(omega)
     return float(K) if K.ndim == 0 else K
@@ -538,6 +710,10 @@ def __getattr__(name: str) -> Any:
         from . import maps  # which builds on this module
 
         return getattr(maps, name)
+    if name in ("frequency_response", "whirl_frequencies"):
+        from . import response  # and this one
+
+        return getattr(response, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
