@@ -44,7 +44,16 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 from scipy.linalg import lapack
 
-__all__ = ["VERDICTS", "FloquetResult", "Verdict", "analyze", "analyze_constant", "constant_verdicts"]
+__all__ = [
+    "VERDICTS",
+    "FloquetResult",
+    "Verdict",
+    "analyze",
+    "analyze_constant",
+    "constant_verdicts",
+    "judge",
+    "monodromy_verdicts",
+]
 
 Verdict = Literal["asymptotically stable", "marginally stable", "unstable"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("asymptotically stable", "marginally stable", "unstable")
@@ -133,20 +142,81 @@ def analyze(state_matrix: StateMatrix | ArrayLike, period: float, rtol: float = 
         return analyze_constant(state_matrix, period)
     evaluate, rate = _balanced(state_matrix, period)
     monodromy, log_norm, error = _monodromy(evaluate, rate, period, rtol)
-    if log_norm > LOG_MAX:
-        raise ArithmeticError(f"the solution grows by exp({log_norm:.4g}) in a period; it overflows")
+    return judge(monodromy, log_norm, error, period)
+
+
+def judge(monodromy: Matrix, log_norm: float, error: float, period: float, repeats: int = 1) -> FloquetResult:
+    """The same from a monodromy matrix, or from one whose power it is.
+
+    Parameters
+    ----------
+    monodromy : ndarray, shape (n, n)
+        Over exp(log_norm), in balanced coordinates.
+    log_norm : float
+        Logarithm of what it is to be multiplied with.
+    error : float
+        Bound on its error, in the 2-norm.
+    period : float
+        T [s], positive.
+    repeats : int
+        How often the matrix stands in the period: the multipliers are this power of its eigenvalues. The verdict is
+        read from the matrix, whose eigenvalues may differ where their powers do not.
+
+    Returns
+    -------
+    FloquetResult
+
+    Raises
+    ------
+    ArithmeticError
+        A multiplier overflows.
+    """
+    whole = repeats * log_norm
+    if whole > LOG_MAX:
+        raise ArithmeticError(f"the solution grows by exp({whole:.4g}) in a period; it overflows")
     clusters = _clusters(monodromy, error)
     circle = math.exp(min(-log_norm, LOG_MAX))
     values = np.linalg.eigvals(monodromy).astype(np.complex128)
     # a multiplier of zero has no exponent; the smallest normal number stands in for it
-    exponents = (np.log(values + TINY * (values == 0.0)) + log_norm) / period
+    exponents = (np.log(values + TINY * (values == 0.0)) + log_norm) * repeats / period
+    radius = max(cluster.radius for cluster in clusters)
+    largest = float(np.abs(values).max())
+    spread = radius if repeats == 1 else (largest + radius) ** repeats - largest**repeats
     return _result(
-        values * math.exp(log_norm),
+        values**repeats * math.exp(whole),
         exponents,
-        max(cluster.radius for cluster in clusters) * math.exp(log_norm),
+        spread * math.exp(whole),
         _verdict([(abs(cluster.mean) - circle, cluster) for cluster in clusters]),
         period,
     )
+
+
+def monodromy_verdicts(
+    monodromies: Matrix, log_norms: NDArray[np.float64], errors: NDArray[np.float64]
+) -> tuple[ComplexArray, NDArray[np.int8]]:
+    """Eigenvalues and verdicts of many monodromy matrices, each the same as `judge` has them.
+
+    Parameters
+    ----------
+    monodromies : ndarray, shape (N, n, n)
+        Each over exp(log_norm), in balanced coordinates.
+    log_norms, errors : ndarray, shape (N,)
+        As for `judge`.
+
+    Returns
+    -------
+    values : ndarray of complex, shape (N, n)
+        Eigenvalues of the matrices as they are given, in no particular order.
+    verdicts : ndarray of int8, shape (N,)
+        Indices into ``VERDICTS``.
+    """
+    circles = np.exp(np.minimum(-log_norms, LOG_MAX))
+    values, bounds = _eigenvalues(monodromies, errors)
+    codes = _codes(np.abs(values) - circles[:, None], bounds)
+    for k in np.flatnonzero(np.isnan(bounds[:, 0])):
+        clusters = _clusters(monodromies[k], float(errors[k]))
+        codes[k] = VERDICTS.index(_verdict([(abs(cluster.mean) - circles[k], cluster) for cluster in clusters]))
+    return values, codes
 
 
 def analyze_constant(matrix: ArrayLike, period: float | None = None) -> FloquetResult:
@@ -174,7 +244,7 @@ def analyze_constant(matrix: ArrayLike, period: float | None = None) -> FloquetR
         A multiplier overflows.
     """
     A = _square(matrix, "matrix")[None]
-    A = A * _balance(np.abs(A))
+    A = A * balance(np.abs(A))
     rounding = _rounding(A)
     values, all_errors = _eigenvalues(A, rounding)
     exponents, errors = values[0], all_errors[0]
@@ -184,7 +254,7 @@ def analyze_constant(matrix: ArrayLike, period: float | None = None) -> FloquetR
         reals = np.array([cluster.mean.real for cluster in clusters])
         radii = np.array([cluster.radius for cluster in clusters])
     else:  # every eigenvalue a cluster of its own
-        verdict = VERDICTS[_codes(values, all_errors)[0]]
+        verdict = VERDICTS[_codes(values.real, all_errors)[0]]
         reals, radii = exponents.real, 3.0 * errors
     if period is None:
         return _result(None, exponents, float(radii.max()), verdict, None)
@@ -239,13 +309,13 @@ def constant_verdicts(matrices: Matrix, sizes: NDArray[np.float64]) -> tuple[Com
         projector = (1.0 + departure[:, None] / (distance * distance) / max(n - 1, 1)) ** (0.5 * (n - 1))
         errors = 16.0 * (10.0 * n * EPSILON * np.sqrt(square))[:, None] * projector
         clear = (np.abs(values.real) > errors).all(axis=1) & (distance.min(axis=1) > 4.0 * errors.sum(axis=1))
-    codes = _codes(values, errors)
+    codes = _codes(values.real, errors)
     others = np.flatnonzero(~clear)
     if others.size:
-        A = matrices[others] * _balance(np.abs(matrices[others]))
+        A = matrices[others] * balance(np.abs(matrices[others]))
         rounding = _rounding(A)
         near, errors = _eigenvalues(A, rounding)
-        codes[others] = _codes(near, errors)
+        codes[others] = _codes(near.real, errors)
         for k in np.flatnonzero(np.isnan(errors[:, 0])):
             clusters = _clusters(A[k], float(rounding[k]))
             codes[others[k]] = VERDICTS.index(_verdict([(cluster.mean.real, cluster) for cluster in clusters]))
@@ -289,10 +359,9 @@ def _inverses(matrices: ComplexArray) -> ComplexArray:
         return np.concatenate([_inverses(matrices[:middle]), _inverses(matrices[middle:])])
 
 
-def _codes(values: ComplexArray, errors: NDArray[np.float64]) -> NDArray[np.int8]:
-    """(5.4) for simple exponents, as indices into ``VERDICTS``; where errors are NaN, anything."""
-    real = values.real
-    outside, on_boundary = (real > errors).any(axis=1), (np.abs(real) <= errors).any(axis=1)
+def _codes(beyond: NDArray[np.float64], errors: NDArray[np.float64]) -> NDArray[np.int8]:
+    """(5.4) for simple eigenvalues so far beyond the boundary, as indices into ``VERDICTS``; NaN errors: anything."""
+    outside, on_boundary = (beyond > errors).any(axis=1), (np.abs(beyond) <= errors).any(axis=1)
     return np.where(outside, 2, np.where(on_boundary, 1, 0)).astype(np.int8)
 
 
@@ -465,7 +534,7 @@ def _balanced(state_matrix: StateMatrix, period: float) -> tuple[Callable[[float
     n = len(_square(state_matrix(times[0]), f"state_matrix({times[0]:.6g})"))
     samples = [_square(state_matrix(t), f"state_matrix({t:.6g})", n) for t in times]
     largest = np.max(np.abs(samples), axis=0)
-    [factors] = _balance(largest[None])
+    [factors] = balance(largest[None])
     norm = max(float(np.linalg.norm(A * factors, 2)) for A in samples)
     # Perron's root bounds the spectral radius too, and is not misled by a coupling in one direction only.
     perron = float(np.abs(np.linalg.eigvals(largest * factors)).max())
@@ -477,7 +546,7 @@ def _balanced(state_matrix: StateMatrix, period: float) -> tuple[Callable[[float
     return evaluate, min(norm, perron)
 
 
-def _balance(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
+def balance(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factors s_j/s_i, powers of two, that bring rows and columns of matrices of these sizes (N, n, n) to one norm."""
     # An element below the rounding of the largest may be rounding itself: not to be magnified.
     sizes = np.where(sizes > EPSILON * sizes.max(axis=(1, 2), keepdims=True), sizes, 0.0)

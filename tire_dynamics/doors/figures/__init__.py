@@ -7,10 +7,10 @@ each. Both are imported where they are needed: the command line loads this packa
 from __future__ import annotations
 
 import argparse
-import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+from ..answer import answer
 from ..errors import InputError
 from ..progress import progress
 
@@ -20,7 +20,7 @@ FIGURES = ("fig3", "fig4", "fig5", "fig6", "fig7a", "fig7b", "fig6_damping", "fi
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options.
+    """Declare the command's options, but for those of ``answer``.
 
     Parameters
     ----------
@@ -41,7 +41,7 @@ def run(options: argparse.Namespace) -> int:
     Parameters
     ----------
     options : argparse.Namespace
-        As ``add_arguments`` declares it.
+        As ``add_arguments`` declares it, and that of ``answer``.
 
     Returns
     -------
@@ -53,12 +53,17 @@ def run(options: argparse.Namespace) -> int:
     InputError
         As ``figures`` does.
     """
-    pictures = figures(options.output, force=options.force)
-    print(f"{options.output}: {len(pictures)} figures as PNG, their numbers as CSV", file=sys.stderr)
+    pictures = figures(options.output, force=options.force, quiet=options.quiet)
+    made = [{"picture": str(picture), "numbers": str(picture.with_suffix(".csv"))} for picture in pictures]
+    answer(
+        options,
+        {"output": options.output, "figures": made},
+        f"{options.output}: {len(pictures)} figures as PNG, their numbers as CSV",
+    )
     return 0
 
 
-def figures(folder: str | Path, *, force: bool = False) -> list[Path]:
+def figures(folder: str | Path, *, force: bool = False, quiet: bool = False) -> list[Path]:
     """Draw every figure of ``FIGURES`` into a folder, each with its numbers as CSV.
 
     Parameters
@@ -67,6 +72,8 @@ def figures(folder: str | Path, *, force: bool = False) -> list[Path]:
         Is made if it does not exist.
     force : bool
         Write into a folder that is not empty, over files of the same names. Other files there are left alone.
+    quiet : bool
+        Show no progress, not even on a terminal.
 
     Returns
     -------
@@ -88,7 +95,7 @@ def figures(folder: str | Path, *, force: bool = False) -> list[Path]:
         if not force and any(folder.iterdir()):
             raise InputError(f"{folder}: exists already and is not empty (--force writes over what is there)")
         pictures = []
-        for name in progress(FIGURES, len(FIGURES), "figures"):
+        for name in progress(FIGURES, len(FIGURES), "figures", quiet=quiet):
             table = getattr(tables, name)()
             tables.write_csv(folder / f"{name}.csv", table)
             drawings.save(folder / f"{name}.png", getattr(drawings, name), table)

@@ -1,0 +1,451 @@
+"""Units from MF-Tyre/MF-Swift property files: the known case, every unit, hostile files, the command and its YAML."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tire_dynamics import TireWheelUnit, wheel
+from tire_dynamics.doors.cli import main
+from tire_dynamics.science.coefficients import coefficients
+from tire_dynamics.science.tir_file import OPEN_FIELDS, read_tir, unit_from_tir
+
+TABLE_1 = TireWheelUnit.table_1()
+GIVEN = {"wheel_mass": 12.0, "suspension_stiffness": 3.2e4}
+
+KNOWN = """\
+[MDI_HEADER]
+FILE_TYPE = 'tir'
+$--------------------------------------------------------------- units
+[UNITS]
+LENGTH = 'meter'
+FORCE = 'newton'
+ANGLE = 'radians'
+MASS = 'kg'
+TIME = 'second'
+[DIMENSION]
+UNLOADED_RADIUS = 0.3135   $ free radius
+WIDTH = 0.205              ! section
+[OPERATING_CONDITIONS]
+INFLPRES = 220000
+NOMPRES = 200000
+[INERTIA]
+MASS = 9.3
+BELT_MASS = 7.247
+BELT_IYY = 0.5698
+[STRUCTURAL]
+FREQ_LONG = 77.17
+FREQ_WINDUP = 58.95
+DAMP_LONG = 0.056
+"""
+
+
+def written(folder, text, encoding="ascii"):
+    path = folder / "tire.tir"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode(encoding))
+    return path
+
+
+def changed(**values):
+    """KNOWN with other values, or without the keys whose value is None."""
+    lines = []
+    for line in KNOWN.splitlines():
+        key = line.partition("=")[0].strip()
+        if key not in values:
+            lines.append(line)
+        elif values[key] is not None:
+            lines.append(f"{key} = {values[key]}")
+    return "\n".join(lines) + "\n"
+
+
+def refusal(path, **fields):
+    """The one line with which the file is refused."""
+    with pytest.raises(ValueError) as caught:
+        TireWheelUnit.from_tir(path, **{**GIVEN, **fields})
+    words = str(caught.value)
+    assert "\n" not in words
+    return words
+
+
+# -- the relations ------------------------------------------------------------------------------------------------
+
+
+def test_the_known_tire(tmp_path):
+    """205/60R15: k_1, a and the stiffnesses times a b to their printed digits, the ring's mass exact."""
+    unit = TireWheelUnit.from_tir(written(tmp_path, KNOWN), wheel_mass=12.0, suspension_stiffness=3.2e4)
+    assert unit.sidewall_stiffness == pytest.approx(1.7038e6, abs=0.5e2)
+    assert unit.radius == pytest.approx(0.2804, abs=0.5e-4)
+    area = unit.radius * unit.width
+    assert area * unit.tangential_stiffness == pytest.approx(1.582e5, abs=0.5e2)
+    assert area * unit.radial_stiffness == pytest.approx(3.841e5, abs=0.5e2)
+    assert unit.ring_mass == pytest.approx(7.247, rel=1e-15)  # rounding of four products
+    assert (unit.zeta_1, unit.width, unit.inflation_pressure) == (0.056, 0.205, 220e3)
+    assert (unit.wheel_mass, unit.suspension_stiffness) == (12.0, 3.2e4)
+
+
+def test_the_file_gets_its_frequencies_back(tmp_path):
+    """The model at rest on a wheel that gives nothing: n = 1 at FREQ_LONG with DAMP_LONG, wind-up at its own."""
+    unit = TireWheelUnit.from_tir(written(tmp_path, KNOWN), wheel_mass=1e12, suspension_stiffness=1e18)
+    [ring, *_] = wheel.whirl_frequencies(unit.replace(zeta_1=0.0, zeta_s=0.0), 0.0)
+    assert ring == pytest.approx(77.17, rel=1e-9)
+    exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, 0.0))
+    ring = exponents[np.argmin(np.abs(np.abs(exponents) - 2.0 * math.pi * 77.17))]
+    assert -ring.real / abs(ring) == pytest.approx(0.056, rel=1e-6)
+    # The ring that turns against the wheel is the tangential part of n = 0, less the paper's p_0/a: see docs/model.md.
+    C_0 = coefficients(unit, 0).tangential - unit.inflation_pressure / unit.radius / unit.surface_density
+    assert math.sqrt(C_0) / (2.0 * math.pi) == pytest.approx(58.95, rel=1e-12)
+
+
+sizes = st.floats(0.0, 1.0)
+
+
+@given(mass=sizes, radius=sizes, long=sizes, windup=sizes, damping=st.floats(0.0, 0.9), width=sizes)
+def test_any_ring_comes_back(tmp_path_factory, mass, radius, long, windup, damping, width):
+    """From a kart's belt to a mine truck's: what the file says is what the unit has."""
+    m, a, f = 0.5 * 2000.0**mass, 0.1 * 20.0**radius, 10.0 * 10.0**long
+    f_windup = f * (0.1 + 1.3 * windup)
+    b = 0.05 * 20.0**width
+    text = changed(
+        **{"BELT_MASS": repr(m), "BELT_IYY": repr(m * a * a), "FREQ_LONG": repr(f), "FREQ_WINDUP": repr(f_windup)},
+        **{"DAMP_LONG": repr(damping), "WIDTH": repr(b), "UNLOADED_RADIUS": None},
+    )
+    unit = TireWheelUnit.from_tir(written(tmp_path_factory.getbasetemp(), text), **GIVEN)
+    turn = 2.0 * math.pi
+    # 1e-12: repr() is exact, 15 digits of it are taken, and k_z may be a fiftieth of the difference that it is
+    assert unit.ring_mass == pytest.approx(m, rel=1e-12) and unit.radius == pytest.approx(a, rel=1e-12)
+    assert unit.rigid_mode_frequency == pytest.approx(turn * f, rel=1e-12)
+    torsion = turn * unit.radius**3 * unit.width * unit.tangential_stiffness
+    assert torsion == pytest.approx(m * a * a * (turn * f_windup) ** 2, rel=1e-12)
+    assert unit.radial_stiffness > 0.0 and unit.zeta_1 == pytest.approx(damping, rel=1e-14)
+
+
+# -- what is assumed ----------------------------------------------------------------------------------------------
+
+
+def test_what_is_assumed_is_scaled_from_table_1_and_said(tmp_path):
+    path = written(tmp_path, changed(WIDTH=None, INFLPRES=None, NOMPRES=None))
+    unit, sources, notes = unit_from_tir(path, **GIVEN)
+    a = unit.radius / TABLE_1.radius
+    assert unit.width == pytest.approx(TABLE_1.width * a, rel=1e-14)  # products in another order
+    assert unit.thickness == pytest.approx(TABLE_1.thickness * a, rel=1e-14)
+    assert unit.membrane_stiffness == pytest.approx(TABLE_1.membrane_stiffness * a, rel=1e-14)
+    assert unit.bending_stiffness == pytest.approx(TABLE_1.bending_stiffness * a**3, rel=1e-14)
+    assert unit.inflation_pressure == TABLE_1.inflation_pressure
+    assert list(sources) == list(unit.to_mapping())
+    assumed = {name for name, source in sources.items() if source.kind == "assumed"}
+    assert assumed == set(OPEN_FIELDS)
+    assert all(source.reason for source in sources.values())
+    assert {name for name, source in sources.items() if source.kind == "given"} == set(GIVEN)
+    assert notes == ("the tire is 9.3 kg, of which 2.053 kg beside the belt belong to the wheel's mass",)
+
+
+def test_a_tire_like_table_1_comes_back_whole(tmp_path):
+    """A file that has what Table 1 has gives Table 1, whatever is assumed."""
+    m, a, b = TABLE_1.ring_mass, TABLE_1.radius, TABLE_1.width
+    torsion = 2.0 * math.pi * a**3 * b * TABLE_1.tangential_stiffness
+    inertia = m * a * a
+    text = changed(
+        BELT_MASS=repr(m), BELT_IYY=repr(inertia), FREQ_LONG=repr(TABLE_1.rigid_mode_frequency / (2.0 * math.pi)),
+        FREQ_WINDUP=repr(math.sqrt(torsion / inertia) / (2.0 * math.pi)), DAMP_LONG=0.05, WIDTH=b, INFLPRES=2.07e5,
+    )  # fmt: skip
+    unit = TireWheelUnit.from_tir(
+        written(tmp_path, text), wheel_mass=TABLE_1.wheel_mass, suspension_stiffness=TABLE_1.suspension_stiffness
+    )
+    for name, value in TABLE_1.to_mapping().items():
+        expected = value if isinstance(value, str) else pytest.approx(value, rel=1e-13)
+        assert getattr(unit, name) == expected, name
+
+
+def test_fields_given_beside_the_file(tmp_path):
+    path = written(tmp_path, KNOWN)
+    fields = {
+        "sidewall_damping": "reaction",
+        "zeta_s": 0.3,
+        "width": 0.16,
+        "thickness": 0.02,
+        "inflation_pressure": 3e5,
+    }
+    unit, sources, _ = unit_from_tir(path, **GIVEN, **fields)
+    assert {name: getattr(unit, name) for name in fields} == fields
+    assert all(sources[name].kind == "given" for name in fields)
+    # the file's numbers stand, whatever the section
+    assert unit.ring_mass == pytest.approx(7.247, rel=1e-15)
+    assert unit.sidewall_stiffness == pytest.approx(1.7038e6, abs=0.5e2)
+    assert unit.bending_stiffness == pytest.approx(TABLE_1.bending_stiffness * (0.02 / TABLE_1.thickness) ** 3)
+
+
+@pytest.mark.parametrize(
+    ("fields", "words"),
+    [
+        ({"radius": 0.3}, "radius cannot be given; the file says it"),
+        ({"zeta_1": 0.1}, "zeta_1 cannot be given; the file says it"),
+        ({"rim": 0.1}, "'rim' is not a field of TireWheelUnit"),
+        ({"wheel_mass": -1.0}, "wheel_mass is -1.0; it must be > 0"),
+        ({"wheel_mass": "12"}, "wheel_mass is '12'; it must be a number"),
+        ({"suspension_stiffness": math.nan}, "suspension_stiffness is nan; it must be finite"),
+        ({"thickness": 0.29}, "thickness is 0.29; a thin ring needs thickness < radius = 0.2804"),
+        ({"thickness": 1e-200}, "thickness is 1e-200; it must be from 1e-06 to 10 m"),
+        ({"width": 1e300}, "width is 1e+300; it must be from 0.001 to 10 m"),
+        ({"sidewall_damping": "none"}, "sidewall_damping is 'none'; it must be 'modal' or 'reaction'"),
+    ],
+)
+def test_wrong_fields(tmp_path, fields, words):
+    assert words in refusal(written(tmp_path, KNOWN), **fields)
+
+
+# -- units of measurement -----------------------------------------------------------------------------------------
+
+POUND, INCH = 0.45359237, 0.0254  # [kg], [m], by definition
+UNITS = [
+    # LENGTH, MASS, FORCE, TIME and how many SI units each is
+    ("mm", 1e-3, "kg", 1.0, "newton", 1.0, "second", 1.0),
+    ("METER", 1.0, "gram", 1e-3, "N", 1.0, "sec", 1.0),
+    ("Inch", INCH, "pound_mass", POUND, "pound_force", POUND * 9.80665, "s", 1.0),
+    ("foot", 12 * INCH, "slug", POUND * 9.80665 / (12 * INCH), "lbf", POUND * 9.80665, "minute", 60.0),
+    ("cm", 1e-2, "tonne", 1e3, "kg_force", 9.80665, "millisecond", 1e-3),
+]
+
+
+@pytest.mark.parametrize(("length", "m", "mass", "kg", "force", "N", "time", "s"), UNITS)
+@pytest.mark.parametrize("quote", ["'", '"', ""])
+def test_units(tmp_path, length, m, mass, kg, force, N, time, s, quote):
+    """The known tire in other units, in which a pressure is a force over a length squared."""
+    text = changed(
+        LENGTH=quote + length + quote, MASS=None, FORCE=quote + force + quote, TIME=quote + time + quote,
+        BELT_MASS=7.247 / kg, BELT_IYY=0.5698 / (kg * m * m), FREQ_LONG=77.17 * s, FREQ_WINDUP=58.95 * s,
+        WIDTH=0.205 / m, UNLOADED_RADIUS=0.3135 / m, INFLPRES=220e3 * m * m / N,
+    ).replace("[UNITS]", f"[UNITS]\nMASS = {quote}{mass}{quote}")  # fmt: skip
+    unit = TireWheelUnit.from_tir(written(tmp_path, text), **GIVEN)
+    known = TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    for name, value in known.to_mapping().items():
+        expected = value if isinstance(value, str) else pytest.approx(value, rel=1e-12)
+        assert getattr(unit, name) == expected, name
+
+
+def test_a_pressure_of_its_own_unit(tmp_path):
+    text = changed(INFLPRES=2.2).replace("[UNITS]", "[UNITS]\nPRESSURE = 'bar'")
+    assert TireWheelUnit.from_tir(written(tmp_path, text), **GIVEN).inflation_pressure == 220e3
+
+
+@pytest.mark.parametrize(("key", "pressure"), [("INFLPRES", 220e3), ("NOMPRES", 200e3)])
+def test_which_pressure(tmp_path, key, pressure):
+    text = changed(NOMPRES="unknown") if key == "INFLPRES" else changed(INFLPRES=None)  # the other is not looked at
+    unit, sources, _ = unit_from_tir(written(tmp_path, text), **GIVEN)
+    assert (unit.inflation_pressure, sources["inflation_pressure"]) == (pressure, ("file", key))
+
+
+def test_what_nothing_hangs_on_may_be_absurd(tmp_path):
+    path = written(tmp_path, changed(WIDTH="205", INFLPRES="0").replace("MASS = 9.3", "MASS = 0"))
+    unit, _, notes = unit_from_tir(path, **GIVEN, width=0.16, inflation_pressure=2e5)
+    assert (unit.width, unit.inflation_pressure, notes) == (0.16, 2e5, ())
+
+
+def test_without_units_they_are_SI_and_it_is_said(tmp_path):
+    text = KNOWN.replace("[UNITS]", "[NOTHING]")
+    unit, _, notes = unit_from_tir(written(tmp_path, text), **GIVEN)
+    assert unit == TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    assert notes[0] == "[UNITS] does not say LENGTH, MASS, FORCE, TIME; SI units are assumed"
+
+
+# -- how it is written --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        KNOWN.replace("\n", "\r\n"),
+        KNOWN.replace("\n", "\r"),
+        KNOWN.lower(),
+        KNOWN.replace(" = ", "="),
+        KNOWN.replace(" = ", "\t =\t "),
+        KNOWN.replace("[INERTIA]", "[ Inertia ]  $ masses"),
+        KNOWN.replace("7.247", "'7.247' $ BELT_MASS = 8"),
+        KNOWN.replace("7.247", "+7.247D+00"),
+        KNOWN.replace("7.247", "&\n   7.247"),
+        KNOWN.replace("BELT_IYY", "! BELT_MASS = 8\n$BELT_MASS = 9\nBELT_IYY"),
+        KNOWN + "[SHAPE]\n{radial width}\n1.0 0.0\n0.9 1.0\n",
+        KNOWN + "[X]\nQ = 1\nQ = 2\nEMPTY =\n'text with = in it'\n",  # what nobody needs may be anything
+        KNOWN.replace("[INERTIA]", "[STRUCTURAL]"),  # a section that comes twice, and keys in another
+        "a line before any section = 1\n" + KNOWN,
+        KNOWN.removesuffix("\n"),
+        "\ufeff" + KNOWN,
+        KNOWN + "$ Gürtel, 20 °C\n",
+    ],
+)
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
+def test_every_way_to_write_it(tmp_path, text, encoding):
+    if encoding == "latin-1":
+        text = text.removeprefix("\ufeff") + "$ \x85 ends a line for Unicode, and is a letter of a code page\n"
+    unit = TireWheelUnit.from_tir(written(tmp_path, text, encoding), **GIVEN)
+    (tmp_path / "known").mkdir()
+    known = TireWheelUnit.from_tir(written(tmp_path / "known", KNOWN), **GIVEN)
+    assert unit == known
+
+
+def test_sections_and_lines(tmp_path):
+    sections = read_tir(written(tmp_path, "[a]\nx = 1 $ c\nx = 'two' ! c\n[B]\ny = 'it $ stays'\n"))
+    assert sections == {"A": {"X": [("1", 2), ("two", 3)]}, "B": {"Y": [("it $ stays", 5)]}}
+
+
+@given(st.binary(max_size=400))
+def test_any_bytes_give_a_unit_or_a_reason(tmp_path_factory, content):
+    """At the end of a good file as well, where the keys are known."""
+    for whole in (content, KNOWN.encode() + content):
+        path = written(tmp_path_factory.getbasetemp(), whole)
+        try:
+            TireWheelUnit.from_tir(path, **GIVEN)
+        except ValueError as error:
+            assert str(path) in str(error)
+
+
+# -- what is refused ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        *((changed(**{key: None}), f"{key} is missing; the rigid ring of MF-Swift needs BELT_MASS,")
+          for key in ("BELT_MASS", "BELT_IYY", "FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG")),
+        (changed(BELT_MASS="heavy"), "BELT_MASS is 'heavy' in line 18; it must be a number"),
+        (changed(BELT_MASS="7,247"), "BELT_MASS is '7,247' in line 18; it must be a number"),
+        (changed(BELT_MASS="nan"), "BELT_MASS is 'nan' in line 18; it must be a number"),
+        (changed(BELT_MASS=""), "BELT_MASS is '' in line 18; it must be a number"),
+        (changed(BELT_MASS="7_247"), "BELT_MASS is '7_247' in line 18; it must be a number"),
+        (changed(BELT_MASS="0"), "BELT_MASS is '0' in line 18; it must be from 0.05 to 5000 kg"),
+        (changed(BELT_MASS="-7"), "BELT_MASS is '-7' in line 18; it must be from 0.05 to 5000 kg"),
+        (changed(BELT_MASS="1e999"), "BELT_MASS is '1e999' in line 18; it must be from 0.05 to 5000 kg"),
+        (changed(LENGTH="mm", BELT_IYY="0.5698"), "BELT_IYY is '0.5698' in line 19, 5.698e-07 kg m^2; it must be from"),
+        (changed(BELT_IYY="569.8"), "(BELT_IYY/BELT_MASS), the radius, is 8.86711 m; it must be from 0.05 to 2.5 m"),
+        (changed(BELT_IYY="0.9"), "the radius, is 0.352405 m; it must be at most UNLOADED_RADIUS = 0.3135 m"),
+        (changed(FREQ_LONG="0"), "FREQ_LONG is '0' in line 21; it must be from 1 to 1000 Hz"),
+        (changed(FREQ_WINDUP="1e5"), "FREQ_WINDUP is '1e5' in line 22; it must be from 1 to 1000 Hz"),
+        (changed(FREQ_WINDUP="110"), "FREQ_WINDUP is 110 Hz; it must be less than sqrt(2) FREQ_LONG = 109.135 Hz"),
+        (changed(DAMP_LONG="5.6"), "DAMP_LONG is '5.6' in line 23; it must be in [0, 1)"),
+        (changed(DAMP_LONG="1"), "DAMP_LONG is '1' in line 23; it must be in [0, 1)"),
+        (changed(WIDTH="205"), "WIDTH is '205' in line 12; it must be from 0.01 to 2 m"),
+        (changed(INFLPRES="2.2"), "INFLPRES is '2.2' in line 14; it must be from 10000 to 5e+06 Pa"),
+        (changed(LENGTH="furlong"), "LENGTH is 'furlong' in line 5; it must be one of m, meter,"),
+        (changed(FORCE=""), "FORCE is '' in line 6; it must be one of n, newton,"),
+        (KNOWN + "BELT_MASS = 7.247\n", "BELT_MASS is given twice, in lines 18 and 24"),
+        (KNOWN + "[UNITS]\nLENGTH = 'mm'\n", "LENGTH is given twice, in lines 5 and 25"),
+        (KNOWN.replace("'tir'", "'rdf'"), "FILE_TYPE is 'rdf'; it must be 'tir'"),
+        (KNOWN.replace("[INERTIA]", "[INERTIA"), "line 16 is '[INERTIA'; a section must be [NAME]"),
+        ("", "is no tire property file; it has no [SECTION] with lines of KEY = value"),
+        ("radius: 0.3\nwidth: 0.2\n", "is no tire property file"),
+        ("[UNITS]\n", "is no tire property file"),
+        (b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR", "is not a text file"),
+        (b"\xff\xfe\0", "is not a text file"),
+        (KNOWN.encode() + b"$" * 5_000_000, "is too large for a tire property file; it must be at most 4194304 bytes"),
+    ],
+)  # fmt: skip
+def test_one_line_says_what_is_wrong(tmp_path, text, words):
+    path = written(tmp_path, text)
+    said = refusal(path)
+    assert said.startswith(str(path)) and words in said
+
+
+def test_no_file_at_all(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        TireWheelUnit.from_tir(tmp_path / "nowhere.tir", **GIVEN)
+    with pytest.raises(IsADirectoryError):
+        TireWheelUnit.from_tir(tmp_path, **GIVEN)
+    os.mkfifo(tmp_path / "pipe.tir")
+    assert "is not a file" in refusal(tmp_path / "pipe.tir")  # and does not wait for a writer
+
+
+# -- the command --------------------------------------------------------------------------------------------------
+
+OPTIONS = ("--wheel-mass", "12", "--suspension-stiffness", "3.2e4")
+
+
+def refused(capsys, *arguments):
+    assert main([str(argument) for argument in arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1
+    return err
+
+
+def test_the_yaml_is_a_unit_and_marks_what_is_assumed(tmp_path, capsys):
+    path, output = written(tmp_path, KNOWN), tmp_path / "unit.yaml"
+    assert main(["import-tir", str(path), "-o", str(output), *OPTIONS]) == 0
+    out, err = capsys.readouterr()
+    unit, sources, notes = unit_from_tir(path, **GIVEN)
+    assert TireWheelUnit.from_yaml(output) == unit
+    fields = [line for line in output.read_text().splitlines() if not line.startswith("#")]
+    assert len(fields) == len(sources)
+    for line, (name, source) in zip(fields, sources.items(), strict=True):
+        assert line.startswith(f"{name}: ") and line.endswith(f"{source.reason}")
+        assert ("# assumed: " in line) == (source.kind == "assumed") == (f"  {name} " in err)
+    assert out == "" and "7 fields from the file, 2 given, 10 assumed" in err
+    assert all(f"note: {note}" in err for note in notes) and str(tmp_path) not in output.read_text()
+
+
+def test_the_yaml_serves_the_other_commands(tmp_path, capsys):
+    path, output = written(tmp_path, KNOWN), tmp_path / "unit.yaml"
+    arguments = ["import-tir", str(path), "-o", str(output), *OPTIONS, "--set", "sidewall_damping=reaction"]
+    assert main([*arguments, "--set", "zeta_s=0.3", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    unit = TireWheelUnit.from_tir(path, **GIVEN, sidewall_damping="reaction", zeta_s=0.3)
+    assert said["unit"] == unit.to_mapping() and said["sidewall_stiffness_N_m"] == unit.sidewall_stiffness
+    assert said["sources"]["zeta_s"] == {"kind": "given", "reason": "given"}
+    assert main(["stability", "--speed-rpm", "800", "--config", str(output)]) == 0
+    verdict = wheel.stability(unit, 800 * math.pi / 30.0).verdict
+    assert json.loads(capsys.readouterr().out)["verdict"] == verdict
+
+
+def test_any_name_of_a_file(tmp_path, capsys):
+    path = tmp_path / "a\nb: 1 #.tir"
+    path.write_text(KNOWN)
+    output = tmp_path / "unit.yaml"
+    assert main(["import-tir", str(path), "-o", str(output), *OPTIONS]) == 0
+    assert TireWheelUnit.from_yaml(output).radius == pytest.approx(0.2804, abs=0.5e-4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nowhere.tir"], "nowhere.tir: No such file"),
+        (["bad.tir"], "bad.tir: BELT_MASS is missing"),
+        (["--set", "radius=0.3"], "--set is 'radius=0.3'; it must be FIELD=VALUE, FIELD one of bending_stiffness,"),
+        (["--set", "zeta_s"], "--set is 'zeta_s'; it must be FIELD=VALUE"),
+        (["--set", "zeta_s=some"], "--set is 'zeta_s=some'; VALUE must be a number"),
+        (["--set", "zeta_s=2"], "zeta_s is 2.0; a damping ratio must be in [0, 1)"),
+        (["--set", "zeta_s=0.1", "--set", "zeta_s=0.2"], "no field may be given twice"),
+        (["--wheel-mass", "0"], "wheel_mass is 0.0; it must be > 0"),
+        (["--wheel-mass", "heavy"], "--wheel-mass"),
+        (["-o", "nowhere/unit.yaml"], "nowhere: no such folder"),
+        (["-o", "there.yaml"], "there.yaml: exists already (--force replaces it)"),
+        (["-o", "tire.tir", "--force"], "tire.tir: is the file that is read"),
+    ],
+)
+def test_what_the_command_refuses(tmp_path, monkeypatch, capsys, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    written(tmp_path, KNOWN)
+    (tmp_path / "bad.tir").write_text(changed(BELT_MASS=None))
+    (tmp_path / "there.yaml").write_text("mine")
+    before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
+    source = arguments.pop(0) if arguments[0].endswith(".tir") else "tire.tir"
+    assert words in refused(capsys, "import-tir", source, "-o", "unit.yaml", *OPTIONS, *arguments)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+def test_force_replaces(tmp_path):
+    path, output = written(tmp_path, KNOWN), tmp_path / "unit.yaml"
+    output.write_text("mine")
+    assert main(["import-tir", str(path), "-o", str(output), *OPTIONS, "--force", "--quiet"]) == 0
+    assert TireWheelUnit.from_yaml(output) == TireWheelUnit.from_tir(path, **GIVEN)
+
+
+def test_as_a_program(tmp_path):
+    """The status and the one line, as a shell sees them."""
+    path = written(tmp_path, changed(BELT_IYY="0.9"))
+    command = [sys.executable, "-m", "tire_dynamics.doors.cli", "import-tir", str(path), *OPTIONS]
+    done = subprocess.run([*command, "-o", str(tmp_path / "unit.yaml")], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
+    assert not (tmp_path / "unit.yaml").exists()
