@@ -8,6 +8,7 @@ os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 import fcntl
 import itertools
 import tempfile
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -71,3 +72,22 @@ def ros_domain(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
     with lock:
         yield domain
+
+
+@pytest.fixture
+def bench(ros_domain):
+    """Starts the node with ROS arguments; once or more, all in one domain."""
+    from test_node import Bench
+
+    benches = []
+
+    def start(*arguments: str):
+        benches.append(Bench(ros_domain, *arguments))
+        return benches[-1]
+
+    try:
+        yield start
+    finally:
+        with ExitStack() as stack:
+            for one in benches:
+                stack.callback(one.close)

@@ -76,6 +76,8 @@ class Victim:
         self.directory = directory / space
         self.heard: list[tuple[int, bytes]] = []  # stamp and message
         arguments = ["-r", f"__ns:=/{space}", "-p", f"log.directory:={self.directory}", "--log-level", "error"]
+        if number % 2:  # so little that no chunk is ever full: only what is flushed every so often is on the disk
+            arguments += ["-p", "rate_hz:=50.0"]
         self.lived = noise.uniform(0.5, 3.0)
         with live_node(*arguments) as node, ExitStack() as stack:
             peer = Peer(domain)

@@ -9,7 +9,6 @@ import random
 import struct
 import threading
 import time
-from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -175,23 +174,6 @@ def _parameter_message(name, value):
     return ParameterMessage(name=name, value=value)
 
 
-@pytest.fixture
-def bench(ros_domain):
-    """Starts the node with ROS arguments; once or more, all in one domain."""
-    benches = []
-
-    def start(*arguments: str) -> Bench:
-        benches.append(Bench(ros_domain, *arguments))
-        return benches[-1]
-
-    try:
-        yield start
-    finally:
-        with ExitStack() as stack:
-            for one in benches:
-                stack.callback(one.close)
-
-
 def ns(stamp: Time) -> int:
     return stamp.sec * SECOND + stamp.nanosec
 
@@ -231,6 +213,9 @@ def near(force, unit, speed, load, tolerance=1e-9) -> bool:
 # --- the interface ---
 
 
+OF_EVERY_NODE = ("/rosout", "/parameter_events", "/tire_dynamics/transition_event")  # of every managed one
+
+
 def test_topics_types_and_qos(bench):
     one = bench("-p", "wheels:=[left, right]")
     inputs = {"/joint_states": "sensor_msgs/msg/JointState"}
@@ -238,12 +223,14 @@ def test_topics_types_and_qos(bench):
     for name in ("left", "right"):
         inputs[f"/{name}/wheel_speed"] = "std_msgs/msg/Float64"
         inputs[f"/{name}/load"] = "geometry_msgs/msg/WrenchStamped"
+        inputs[f"/{name}/load_force"] = "std_msgs/msg/Float64"
         outputs[f"/{name}/axle_wrench"] = "geometry_msgs/msg/WrenchStamped"
         outputs[f"/{name}/ring_deflection"] = "std_msgs/msg/Float64MultiArray"
         outputs[f"/{name}/ring_shape"] = "sensor_msgs/msg/PointCloud2"
+        outputs[f"/{name}/markers"] = "visualization_msgs/msg/MarkerArray"
 
     def mine(found) -> dict:
-        return {name: kind for name, (kind,) in found if not name.startswith(("/rosout", "/parameter_events"))}
+        return {name: kind for name, (kind,) in found if not name.endswith(OF_EVERY_NODE)}
 
     peer = one.peer
     one.until(lambda: ("tire_dynamics", "/") in peer.get_node_names_and_namespaces(), "the node's discovery")
@@ -268,12 +255,13 @@ def test_topics_types_and_qos(bench):
 
 def test_a_namespace_moves_everything_but_the_diagnostics(bench):
     one = bench("-r", "__ns:=/car", "-r", "wheel/load:=contact")
-    outputs = {"/car/wheel/axle_wrench", "/car/wheel/ring_deflection", "/car/wheel/ring_shape", "/diagnostics"}
+    outputs = {f"/car/wheel/{name}" for name in ("axle_wrench", "ring_deflection", "ring_shape", "markers")}
+    outputs.add("/diagnostics")
     peer = one.peer
 
     def published() -> set:
         found = peer.get_publisher_names_and_types_by_node("tire_dynamics", "/car")
-        return {name for name, _ in found if not name.endswith(("rosout", "parameter_events"))}
+        return {name for name, _ in found if not name.endswith(OF_EVERY_NODE)}
 
     one.until(lambda: ("tire_dynamics", "/car") in peer.get_node_names_and_namespaces(), "the node's discovery")
     one.until(lambda: published() == outputs, f"{outputs}")

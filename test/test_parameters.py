@@ -18,7 +18,8 @@ ROWS = {row.name: row for row in PARAMETERS}
 TIRE_FIELDS = (
     "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness", "radial_stiffness",
     "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s", "zeta_n",
-    "sidewall_damping", "contact_half_angle",
+    "sidewall_damping", "contact_half_angle", "longitudinal_stiffness", "longitudinal_damping_ratio",
+    "longitudinal_mass",
 )  # fmt: skip
 
 
@@ -72,6 +73,14 @@ def unusable():
         if row.kind == "string[]":
             for value in ("left", 1, None, [1], ["a", None], {"a": 1}):
                 yield row.name, value, "list of names"
+        if row.kind == "double[]":
+            for value in (1.0, "1.0", None, [1], ["a"], {"a": 1.0}):
+                yield row.name, value, "list of floating-point numbers"
+            yield row.name, [1.0, math.inf, 0.0], "finite"
+            yield row.name, [1.0, 2.0], "x y z"
+        if row.kind == "boolean":
+            for value in ("true", 1, 0.0, None, []):
+                yield row.name, value, "true or false"
         if row.choices:
             yield row.name, "something else", row.choices[0]
             yield row.name, "", row.choices[-1]

@@ -33,6 +33,7 @@ __all__ = [
     "JOINT_STATE",
     "POINT_CLOUD",
     "STRING",
+    "TF",
     "WRENCH_STAMPED",
     "DeflectionEncoder",
     "JointState",
@@ -54,6 +55,7 @@ __all__ = [
     "encode_clock",
     "encode_clocks",
     "encode_float64",
+    "encode_static_transforms",
     "encode_string",
 ]
 
@@ -63,6 +65,7 @@ FLOAT64_MULTI_ARRAY = "std_msgs/msg/Float64MultiArray"
 JOINT_STATE = "sensor_msgs/msg/JointState"
 POINT_CLOUD = "sensor_msgs/msg/PointCloud2"
 STRING = "std_msgs/msg/String"
+TF = "tf2_msgs/msg/TFMessage"
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"
@@ -731,6 +734,19 @@ def encode_clock(stamp_ns: int) -> bytes:
 def encode_clocks(stamps: ArrayLike) -> list[bytes]:
     """Encode many rosgraph_msgs/Clock, of times (N,) [ns]."""
     return _encoded(encode_clock(0), np.size(stamps), *_time_columns(stamps))
+
+
+def encode_static_transforms(
+    stamp_ns: int, parent: str, children: Sequence[str], positions: Sequence[Sequence[float]]
+) -> bytes:
+    """Encode tf2_msgs/TFMessage: frames at positions (x, y, z) [m] in a parent, turned like it."""
+    body = struct.pack("<I", len(children))
+    for child, position in zip(children, positions, strict=True):
+        body += bytes(-len(body) % 4) + struct.pack("<iI", *_sec_nanosec(stamp_ns))
+        for frame in (parent, child):
+            body += _encoded_string(frame, len(body))
+        body += bytes(-len(body) % 8) + struct.pack("<7d", *position, 0.0, 0.0, 0.0, 1.0)
+    return _LITTLE_ENDIAN + body
 
 
 def encode_string(text: str) -> bytes:

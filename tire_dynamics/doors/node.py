@@ -4,46 +4,44 @@ from __future__ import annotations
 
 import gc
 import json
-import math
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.experimental import EventsExecutor
-from rclpy.node import Node
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.parameter import Parameter as RosParameter
-from rclpy.qos import qos_profile_sensor_data
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
 
-from . import messages
+from . import messages, ros_parameters
 from .bag import load_message_definitions
 from .compilation import compile_kernels
 from .errors import InputError
 from .log import Log
-from .parameters import NODE_NAME, PARAMETERS, Parameter, complete
-from .wiring import LOG_RECORD, TICK, Wiring
+from .markers import MarkerBuilder
+from .parameters import NODE_NAME, complete
+from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
 
 __all__ = ["TireDynamicsNode", "run"]
 
-_TYPES = {
-    "double": RosParameter.Type.DOUBLE,
-    "integer": RosParameter.Type.INTEGER,
-    "string": RosParameter.Type.STRING,
-    "string[]": RosParameter.Type.STRING_ARRAY,
-}
 _LOG_RETRY, _LONGEST_LOG_RETRY = 2.0, 60.0  # [s] between two attempts to go on with a log after an error
+_IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
+_NOT_ACTIVE = "the node is not active"
 _DIAGNOSTICS = "/diagnostics"
 _DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
@@ -57,8 +55,12 @@ class _Duty:
         self.due = time.monotonic_ns() + self.period
 
 
-class TireDynamicsNode(Node):
+class TireDynamicsNode(LifecycleNode):
     """Wheel speeds and loads in; axle forces, belt shapes, stability and a log out.
+
+    A managed node. With the parameter ``autostart`` it is active when it has been made; without, it waits for a
+    lifecycle manager. Configured, it has checked its parameters and has its topics; active, it listens and
+    publishes, each time from equilibrium and with a log of its own; deactivated, that log is closed and whole.
 
     The node only carries: what is computed, and from which messages, is :class:`Wiring`'s, which the replay
     runs too. Every message that comes in is logged as it was received, and every tick before its outputs, all
@@ -76,8 +78,12 @@ class TireDynamicsNode(Node):
     Raises
     ------
     InputError
-        A parameter is unknown, out of its bounds or in contradiction to another.
+        A parameter is unknown, out of its bounds or in contradiction to another; without ``autostart`` it is the
+        transition to configured that fails, and says so in the ROS log and the diagnostics.
     """
+
+    _wiring: Wiring
+    _log: Log | None
 
     def __init__(
         self,
@@ -95,12 +101,16 @@ class TireDynamicsNode(Node):
             )
         except (ParameterException, ValueError) as error:
             if "PARAMETER_NOT_SET" in str(error):
-                raise InputError("a list is empty: wheels, joint_names and frame_ids need a name or no value") from None
+                names = "wheels, joint_names, frame_ids or tf.positions"
+                raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
             raise InputError(_first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
             raise InputError(_first_line(error)) from None
         self._clock_now = self.get_clock()
-        self._log: Log | None = None
+        self._autostart = self._active = False
+        self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
+        self._refusal: Exception | None = None  # why the last transition failed
+        self._log = None
         self._finishing: list[Log] = []
         self._record_due = False
         self._log_files = 1
@@ -112,30 +122,125 @@ class TireDynamicsNode(Node):
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
         self._step_times: list[float] = []
+        self._stabilities: list[dict[str, Any]] = []
+        self._next_wheel = 0
+        self._period = 0
+        self._deadline = time.monotonic_ns()
+        self._duties: list[_Duty] = []
+        self._paced = paced
+        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         try:
-            self._wiring = Wiring(self._declare_parameters())
-            self._connect()
             load_message_definitions()  # now, not when a log is started beside turning wheels
-            if self._wiring.values["log.directory"]:
-                self._start_log().wait_until_open()
+            self._diagnostics = self.create_publisher(DiagnosticArray, _DIAGNOSTICS, 10)
+            self._add_duty(1.0, self._diagnose)
+            self._autostart = self._is_to_start()
+            if self._autostart:
+                self._change(self.trigger_configure)
+                self._change(self.trigger_activate)
+            else:
+                ros_parameters.declare_loosely(self)
         except BaseException:
             self._end_logs()
             self.destroy_node()
             raise
-        self._period = self._wiring.vehicle.settings.period
-        self.add_on_set_parameters_callback(self._check_change)
-        self.add_post_set_parameters_callback(self._apply_change)
+
+    def _is_to_start(self) -> bool:
+        row = ros_parameters.ROWS["autostart"]
+        try:
+            return bool(row.check(ros_parameters.given(self).get(row.name, row.default)))
+        except ValueError as error:
+            raise InputError(str(error)) from None
+
+    def _change(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Change the state, or say why not."""
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            assert self._refusal is not None
+            raise self._refusal
+
+    def _add_duty(self, seconds: float, call: Callable[[], None]) -> None:
+        """Have something done every so often, by :meth:`pace` or a timer."""
+        if self._paced:
+            self._duties.append(_Duty(seconds, call))
+            self._made.append((self._duties.remove, self._duties[-1]))
+        else:
+            self._made.append((self.destroy_timer, self.create_timer(seconds, call, clock=self._steady)))
+
+    # -- the states of a managed node -----------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Check the parameters, and make topics and services."""
+        return self._try(self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen and publish, from equilibrium; begin a log if there is to be one."""
+        return self._try(self._activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop all outputs, and close the log."""
+        return self._try(self._deactivate)
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take topics and services away; every parameter may change again."""
+        return self._try(self._clean_up)
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As deactivated and cleaned up, for good."""
+        return self._try(self._deactivate, self._clean_up)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As deactivated and cleaned up, to be configured anew."""
+        return self._try(self._deactivate, self._clean_up)
+
+    def _try(self, *changes: Callable[[], None]) -> TransitionCallbackReturn:
+        self._refusal = None
+        try:
+            for change in changes:
+                change()
+        except Exception as error:  # rclpy would not say it
+            self._refusal = error
+            if not self._autostart:
+                self.get_logger().error(_first_line(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        try:
+            values = ros_parameters.whole(self)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        try:
+            self._wiring = Wiring(values)
+            self._period = self._wiring.vehicle.settings.period
+            ros_parameters.declare(self, values, read_only=self._autostart)
+            self._connect()
+        except BaseException:
+            self._clean_up()
+            raise
+
+    def _activate(self) -> None:
+        self._wiring = Wiring(self._wiring.values)  # nothing of what was before
+        self._time = None
+        try:
+            if self._wiring.values["log.directory"]:
+                self._start_log().wait_until_open()
+        except InputError:
+            self._end_logs()
+            raise
         self._deadline = time.monotonic_ns()
-        # One wheel's stability at a time: all of them together would take longer than a tick may.
-        self._stabilities: list[dict[str, Any]] = [{} for _ in self._wiring.vehicle.schedules]
-        self._next_wheel = 0
-        self._duties = [_Duty(1.0, self._diagnose), _Duty(1.0 / len(self._stabilities), self._look_at_stability)]
-        if not paced:
-            # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
-            steady = Clock(clock_type=ClockType.STEADY_TIME)
-            self.create_timer(self._period * 1e-9, self._tick, clock=steady)
-            for duty in self._duties:
-                self.create_timer(duty.period * 1e-9, duty.call, clock=steady)
+        self._active = True
+
+    def _deactivate(self) -> None:
+        self._active = False
+        self._say_what_was_logged(self._end_logs())
+
+    def _clean_up(self) -> None:
+        kept = 1  # the first duty is to say in which state the node is
+        while len(self._made) > kept:
+            destroy, entity = self._made.pop()
+            destroy(entity)
+        if not self._autostart:
+            ros_parameters.declare_loosely(self)
 
     def _connect(self) -> None:
         self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
@@ -143,40 +248,64 @@ class TireDynamicsNode(Node):
             subscription = self.create_subscription(
                 _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
+            self._made.append((self.destroy_subscription, subscription))
             self._full_names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._wiring.outputs.items():
-            publisher = self.create_publisher(_message_class(msgtype), topic, 10)
-            self._outputs[topic] = publisher
-            self._full_names[topic] = publisher.topic_name
-        self._diagnostics = self.create_publisher(DiagnosticArray, _DIAGNOSTICS, 10)
+            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            self._full_names[topic] = self._outputs[topic].topic_name
         self._full_names[_DIAGNOSTICS] = self._diagnostics.topic_name
-        for index, wheel in enumerate(self._wiring.vehicle.settings.wheels):
-            self.create_service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
-        self.create_service(SetBool, "~/set_logging", self._set_logging)
+        self._full_names[TF_STATIC] = TF_STATIC
+        wheels = self._wiring.vehicle.settings.wheels
+        self._markers = [self._publisher(f"{wheel}/markers", MarkerArray, 1) for wheel in wheels]
+        samples = self._wiring.vehicle.settings.ring_samples
+        lifetime = max(0.5, 2.5 / self._wiring.values["ring_rate_hz"])
+        self._marker_builders = [
+            MarkerBuilder(frame, samples, number=index, lifetime=lifetime)
+            for index, frame in enumerate(self._wiring.values["frame_ids"])
+        ]
+        for index, wheel in enumerate(wheels):
+            self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
+        self._service(SetBool, "~/set_logging", self._set_logging)
+        # One wheel's stability at a time: all of them together would take longer than a tick may.
+        self._stabilities = [{} for _ in wheels]
+        self._next_wheel = 0
+        self._add_duty(1.0 / len(wheels), self._look_at_stability)
+        if not self._paced:
+            self._add_duty(self._period * 1e-9, self._tick)
+        self._publish_transforms()
+        self.add_on_set_parameters_callback(self._check_change)
+        self._made.append((self.remove_on_set_parameters_callback, self._check_change))
+        self.add_post_set_parameters_callback(self._apply_change)
+        self._made.append((self.remove_post_set_parameters_callback, self._apply_change))
+
+    def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
+        publisher = self.create_publisher(kind, topic, qos)
+        self._made.append((self.destroy_publisher, publisher))
+        return publisher
+
+    def _service(self, kind: Any, name: str, reply: Any) -> None:
+        self._made.append((self.destroy_service, self.create_service(kind, name, reply)))
+
+    def _publish_transforms(self) -> None:
+        """Say where the axles' frames are; whoever comes later hears it too."""
+        transforms = self._wiring.transforms(time.time_ns())
+        if transforms is None:
+            return
+        if find_spec("tf2_msgs") is None:
+            self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
+            return
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
-    def _declare_parameters(self) -> dict[str, Any]:
-        table = {row.name: row for row in PARAMETERS}
-        found: dict[str, Any] = self.get_parameters_by_prefix("")
-        given = {name: parameter.value for name, parameter in found.items()}
-        unknown = [name for name in given if name not in table and not _is_rclpys(name)]
-        values = {name: _plain(value) for name, value in given.items() if name in table}
-        try:
-            complete({**values, **dict.fromkeys(unknown)})
-            whole = complete(values)
-        except ValueError as error:
-            raise InputError(str(error)) from None
-        for name, row in table.items():
-            if name in given:
-                self.undeclare_parameter(name)
-            self.declare_parameter(name, _ros_value(whole[name]), _descriptor(row))
-        return whole
-
     def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
-        known = {row.name for row in PARAMETERS}
-        values = {change.name: _plain(change.value) for change in changes if change.name in known}
+        values = ros_parameters.changed(changes)
+        fixed = [name for name in values if ros_parameters.ROWS[name].read_only]
+        if fixed:
+            reason = f"{fixed[0]} may change only while the node is unconfigured"
+            return SetParametersResult(successful=False, reason=reason)
         try:
             complete({**self._wiring.values, **values})
         except ValueError as error:
@@ -184,8 +313,7 @@ class TireDynamicsNode(Node):
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
-        known = {row.name for row in PARAMETERS}
-        values = {change.name: _plain(change.value) for change in changes if change.name in known}
+        values = ros_parameters.changed(changes)
         if values:
             self._wiring.set_values(values)
             self._log_record()
@@ -202,15 +330,15 @@ class TireDynamicsNode(Node):
         return now
 
     def _receiver(self, topic: str) -> Any:
-        receive = self._wiring.receive
-
         def callback(data: bytes) -> None:
+            if not self._active:
+                return
             now = self._now()
             if now == 0:  # simulated time before the first /clock
                 self._before_clock += 1
                 return
             self._put(topic, now, now, data)
-            receive(topic, now, data)
+            self._wiring.receive(topic, now, data)
 
         return callback
 
@@ -225,7 +353,9 @@ class TireDynamicsNode(Node):
         """
         steady = time.monotonic_ns()
         late = steady - self._deadline
-        if late >= 0:
+        if not self._active:
+            self._deadline = steady + _IDLE
+        elif late >= 0:
             missed = late // self._period
             self._deadline += (1 + missed) * self._period
             now = self._now()
@@ -247,8 +377,9 @@ class TireDynamicsNode(Node):
         return stamp
 
     def _tick(self) -> None:
-        now = self._now()
-        self._tick_at(now, self._due(now))
+        if self._active:
+            now = self._now()
+            self._tick_at(now, self._due(now))
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -261,6 +392,8 @@ class TireDynamicsNode(Node):
         belts = self._wiring.belts()  # they take longer, and nobody waits for them
         for topic, data in belts:
             self._outputs[topic].publish(data)
+        if belts:
+            self._show(stamp)
         produced += belts
         self._ticks += 1
         self._step_times.append(time.perf_counter() - started)
@@ -271,6 +404,17 @@ class TireDynamicsNode(Node):
                     self._put(topic, published, stamp, data)
                 else:  # a replay has no outputs for a tick that is not in the log
                     self._log.drop(self._full_names[topic])
+
+    def _show(self, stamp: int) -> None:
+        """The markers of the wheels whose belts have come, where somebody looks at them."""
+        scale = self._wiring.values["marker_force_scale"]
+        shapes, self._wiring.shapes = self._wiring.shapes, {}
+        for index, force_x, force_z in self._wiring.forces:
+            if index in shapes and self._markers[index].get_subscription_count():
+                load, traction = self._wiring.vehicle.schedules[index].load
+                forces = (force_x, force_z), (traction, load)
+                markers = self._marker_builders[index].build(stamp, shapes[index], *forces, scale)
+                self._markers[index].publish(markers)
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
@@ -308,6 +452,8 @@ class TireDynamicsNode(Node):
             LOG_RECORD: (messages.STRING, "default"),
             _DIAGNOSTICS: (_DIAGNOSTICS_TYPE, "default"),
         }
+        if self._wiring.values["tf.parent_frame"]:
+            types[TF_STATIC] = (messages.TF, "latched")
         self._log = Log(
             Path(self._wiring.values["log.directory"]),
             {self._full_names[topic]: kind for topic, kind in types.items()},
@@ -327,6 +473,8 @@ class TireDynamicsNode(Node):
         if self._log is not None and self._log.has_room and now:
             record = self._wiring.record(self._full_names, self._dropped + self._log.dropped)
             self._record_due = not self._log.put(self._full_names[LOG_RECORD], now, now, record)
+            if (transforms := self._wiring.transforms(now)) is not None:
+                self._log.put(TF_STATIC, now, now, transforms)
 
     def _tend_log(self) -> None:
         """Begin another log when the disk has refused one."""
@@ -368,7 +516,9 @@ class TireDynamicsNode(Node):
 
     def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         response.success = True
-        if not request.data:
+        if not self._active:
+            response.success, response.message = False, _NOT_ACTIVE
+        elif not request.data:
             response.message = f"closing {self._log.folder}" if self._log is not None else "there was no log"
             self._finish_log()
         elif self._log is not None and self._log.error is None:
@@ -385,6 +535,9 @@ class TireDynamicsNode(Node):
 
     def _stability_service(self, index: int) -> Any:
         def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            if not self._active:
+                response.success, response.message = False, _NOT_ACTIVE
+                return response
             try:
                 response.message = json.dumps(self._wiring.vehicle.stability(index))
                 response.success = True
@@ -395,6 +548,8 @@ class TireDynamicsNode(Node):
         return reply
 
     def _look_at_stability(self) -> None:
+        if not self._active:
+            return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
         try:
@@ -403,18 +558,29 @@ class TireDynamicsNode(Node):
             self._stabilities[index] = {"verdict": f"unknown: {error}"}
 
     def _diagnose(self) -> None:
-        self._tend_log()
+        if self._active:
+            self._tend_log()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
-        array.status = [self._node_status()]
-        for index in range(len(self._wiring.vehicle.schedules)):
-            array.status.append(self._wheel_status(index))
+        if self._active:
+            array.status = [self._node_status()]
+            for index in range(len(self._wiring.vehicle.schedules)):
+                array.status.append(self._wheel_status(index))
+        else:
+            array.status = [self._idle_status()]
         self._diagnostics.publish(array)
         now = self._now()
-        if now:
+        if now and self._active:
             self._put(_DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+
+    def _idle_status(self) -> DiagnosticStatus:
+        """Of a node that waits for its manager."""
+        _, state = self._state_machine.current_state
+        if self._refusal is None:
+            return self._status("node", DiagnosticStatus.OK, state, {"state": state})
+        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {_first_line(self._refusal)}", {"state": state})
 
     def _node_status(self) -> DiagnosticStatus:
         times = sorted(self._step_times) or [0.0]
@@ -493,12 +659,15 @@ class TireDynamicsNode(Node):
 
     def close(self) -> None:
         """Finish the log and leave the graph."""
-        for log in self._end_logs():
+        self._deactivate()
+        self.destroy_node()
+
+    def _say_what_was_logged(self, logs: Sequence[Log]) -> None:
+        for log in logs:
             if log.error:
                 self.get_logger().error(log.error)
             else:
                 self.get_logger().info(f"log closed: {log.folder}, {log.written} messages")
-        self.destroy_node()
 
     def _end_logs(self) -> list[Log]:
         self._finish_log()
@@ -575,38 +744,6 @@ def _shown(value: float | None, form: str) -> str:
 
 def _first_line(error: BaseException) -> str:
     return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
-
-
-def _is_rclpys(name: str) -> bool:
-    """Whether a parameter belongs to every node and not to this table."""
-    return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides.")
-
-
-def _plain(value: Any) -> Any:
-    """A parameter's value in the types of the table."""
-    return list(value) if not isinstance(value, (str, bytes, bool, int, float)) and value is not None else value
-
-
-def _ros_value(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value
-
-
-def _descriptor(row: Parameter) -> ParameterDescriptor:
-    descriptor = ParameterDescriptor(
-        name=row.name,
-        type=_TYPES[row.kind].value,
-        description=row.description,
-        read_only=row.read_only,
-        additional_constraints=" | ".join(row.choices),
-    )
-    low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
-    if low is not None:
-        high = row.high if row.high is not None else float("1e300")
-        if row.kind == "double":
-            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
-        else:
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
-    return descriptor
 
 
 def _message_class(msgtype: str) -> Any:

@@ -20,7 +20,7 @@ __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "veh
 NODE_NAME = "tire_dynamics"
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
-Kind = Literal["double", "integer", "string", "string[]"]
+Kind = Literal["boolean", "double", "double[]", "integer", "string", "string[]"]
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,16 @@ class Parameter:
             if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
                 raise ValueError(f"{self.name} is {value!r}; it must be a list of names")
             return tuple(value)
+        if self.kind == "double[]":
+            if not isinstance(value, (list, tuple)) or not all(type(item) is float for item in value):
+                raise ValueError(f"{self.name} is {value!r}; it must be a list of floating-point numbers")
+            if not all(map(math.isfinite, value)):
+                raise ValueError(f"{self.name} is {list(value)!r}; each must be finite")
+            return tuple(value)
+        if self.kind == "boolean":
+            if not isinstance(value, bool):
+                raise ValueError(f"{self.name} is {value!r}; it must be true or false")
+            return value
         if self.kind == "string":
             if not isinstance(value, str):
                 raise ValueError(f"{self.name} is {value!r}; it must be a text")
@@ -82,6 +92,9 @@ _TIRE_UNITS = {
     "zeta_s": "damping ratio of the suspension, in [0, 1)",
     "zeta_n": "damping ratio of every other mode of the belt, in [0, 1)",
     "contact_half_angle": "half the angle of the contact patch, phi_c [rad]; 0 is a point load",
+    "longitudinal_stiffness": "fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0 holds the wheel",
+    "longitudinal_damping_ratio": "its damping ratio, zeta_x, in [0, 1)",
+    "longitudinal_mass": "mass that moves fore and aft with the wheel, without the belt [kg]; 0: wheel_mass",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
 
@@ -90,8 +103,10 @@ def _tire_parameters() -> tuple[Parameter, ...]:
     rows = []
     for name, default in TireWheelUnit.table_1().to_mapping().items():
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
-        if name.startswith("zeta_"):
+        if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
+        elif name in ("longitudinal_stiffness", "longitudinal_mass"):
+            row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
         elif name == "contact_half_angle":
             row = dataclasses.replace(row, positive=False, low=0.0, high=0.5 * math.pi)
         elif name == "sidewall_damping":
@@ -99,6 +114,8 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         rows.append(row)
     return tuple(rows)
 
+
+_SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("wheels", "string[]", ("wheel",), "names of the wheels; each is the first part of its topics"),
@@ -112,6 +129,11 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
+    Parameter("ring_shape_scale", "double", 1.0, _SCALE, 0.0, 1e6, read_only=False),
+    Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
+    Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
+    Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
+    Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
     Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
@@ -127,6 +149,16 @@ _BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
 
 def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     """All parameters, the given ones checked one by one and against each other, the rest at their defaults.
+
+    Parameters
+    ----------
+    values : mapping
+        Values by the names of ``PARAMETERS``.
+
+    Returns
+    -------
+    dict
+        A value for every name.
 
     Raises
     ------
@@ -158,6 +190,13 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
             raise ValueError(f"{name} has {len(whole[name])} entries; wheels has {len(wheels)}")
         if not all(whole[name]):
             raise ValueError(f"{name} is {list(whole[name])}; no name may be empty")
+    whole["tf.positions"] = whole["tf.positions"] or (0.0,) * (3 * len(wheels))
+    if len(whole["tf.positions"]) != 3 * len(wheels):
+        raise ValueError(
+            f"tf.positions is {list(whole['tf.positions'])}; it must have x y z for each of {len(wheels)} wheels"
+        )
+    if (parent := whole["tf.parent_frame"]) in whole["frame_ids"]:
+        raise ValueError(f"tf.parent_frame is {parent!r}; it must not be one of frame_ids")
     if whole["ring_samples"] * whole["n_max"] > _MOST_OF_A_BELT:
         raise ValueError(
             f"ring_samples is {whole['ring_samples']} and n_max {whole['n_max']}; their product must be at most"

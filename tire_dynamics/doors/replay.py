@@ -19,14 +19,15 @@ from . import messages
 from .bag import BagReader, BagWriter, Block
 from .bag.writer import keep_apart
 from .errors import InputError
-from .parameters import NODE_NAME, read_config
+from .parameters import NODE_NAME, complete, read_config
 from .progress import progress
-from .wiring import LOG_RECORD, TICK, Produced, Stretch, Wiring, input_types
+from .wiring import LOG_RECORD, TF_STATIC, TICK, Produced, Stretch, Wiring, input_types
 
-__all__ = ["Summary", "replay"]
+__all__ = ["Plan", "Summary", "log_record", "log_topic", "plan", "remaps_of", "replay"]
 
 IntArray = NDArray[np.int64]
 
+_MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depend on and that may change in a log
 _LEAST = 4096  # messages that are taken together; more cost memory and save nothing
 
 
@@ -47,6 +48,7 @@ def replay(
     force: bool = False,
     kernels: ModuleType | None = None,
     quiet: bool = False,
+    remaps: Mapping[str, str] | None = None,
 ) -> Summary:
     """Run a bag through the estimator into a new bag, which is a log like the live node's.
 
@@ -65,6 +67,8 @@ def replay(
         As :class:`~tire_dynamics.estimator.motion.Motion` takes it; the output has the same bits with each.
     quiet : bool
         Show no progress, not even on a terminal.
+    remaps : mapping, optional
+        As :func:`plan` takes it.
 
     Returns
     -------
@@ -84,15 +88,11 @@ def replay(
     """
     reader = BagReader(source)
     keep_apart(reader.path, reader.paths, Path(output))
-    log = _log_of(reader)
-    given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
-    if "wheels" not in given:
-        given = {**given, "wheels": _wheels(reader)}
+    values, names, log = plan(reader, config, remaps or {})
     try:
-        wiring = Wiring(given, kernels)
+        wiring = Wiring(values, kernels)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
-    names = _names(reader, wiring.vehicle.settings.wheels, log)
     if log is not None and log["parameters"].get("rate_hz") == wiring.values["rate_hz"]:
         stretches = _recorded(reader, names, quiet)
     else:
@@ -102,6 +102,53 @@ def replay(
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
         raise InputError(f"{source}: {error}") from None
     return Summary(received, written, wiring.values, reader.damage)
+
+
+class Plan(NamedTuple):
+    """How a bag is replayed: all parameters, full names by the topics' relative ones, and the first log record."""
+
+    values: dict[str, Any]
+    names: dict[str, str]
+    log: dict[str, Any] | None
+
+
+def plan(reader: BagReader, config: str | PathLike[str] | None = None, remaps: Mapping[str, str] | None = None) -> Plan:
+    """How a bag would be replayed; of its messages only the first log record is read.
+
+    Parameters
+    ----------
+    reader : BagReader
+    config : path, optional
+        As :func:`replay` takes it.
+    remaps : mapping, optional
+        Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
+
+    Raises
+    ------
+    InputError
+        It cannot be replayed; the reason says what is missing.
+    """
+    remaps = dict(remaps or {})
+    log = _log_of(reader, must=config is None)
+    given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
+    if "wheels" not in given:
+        given = {**given, "wheels": _wheels(reader, remaps)}
+    try:
+        values = complete(given)
+    except ValueError as error:
+        raise InputError(f"{reader.path}: {error}") from None
+    return Plan(values, _names(reader, values["wheels"], log, remaps), log)
+
+
+def remaps_of(texts: Iterable[str]) -> dict[str, str]:
+    """Topic of the bag by input, of texts such as ``front_left/load:=/fl/force_torque``."""
+    remaps = {}
+    for text in texts:
+        topic, sign, name = text.partition(":=")
+        if not (topic and sign and name):
+            raise InputError(f"--remap is {text!r}; it must be INPUT:=TOPIC, as in front_left/load:=/fl/force_torque")
+        remaps[topic.strip("/")] = f"/{name.lstrip('/')}"
+    return remaps
 
 
 def _run(
@@ -126,17 +173,22 @@ def _run(
                 *wiring.inputs.items(), *wiring.outputs.items(), (TICK, messages.CLOCK), (LOG_RECORD, messages.STRING)
             )
         }  # fmt: skip
+        if wiring.values["tf.parent_frame"]:
+            handles[TF_STATIC] = writer.add_topic(TF_STATIC, messages.TF, qos="latched")
         begun, dropped = False, dict[str, int]()
         for log_time, stretch, published in _between_records(stretches):
             first = stretch.topics[stretch.topic[0]]
             if first == LOG_RECORD:
-                record = _record(stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]])
+                record = log_record(stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]])
                 _continue(wiring, record, first=not begun, own_parameters=own_parameters)
                 dropped = record.get("dropped", {})
             if writing is not None and (first == LOG_RECORD or not begun):
                 writing.result()
             if first == LOG_RECORD or not begun:
-                writer.write(handles[LOG_RECORD], int(log_time[0]), int(published[0]), wiring.record(names, dropped))
+                times = int(log_time[0]), int(published[0])
+                writer.write(handles[LOG_RECORD], *times, wiring.record(names, dropped))
+                if (transforms := wiring.transforms(times[0])) is not None:
+                    writer.write(handles[TF_STATIC], *times, transforms)
                 begun = True
             if first == LOG_RECORD:
                 continue
@@ -172,9 +224,7 @@ def _write(
     topic = np.concatenate([handle[stretch.topic], [handles[name] for name in produced.topic]]).astype(np.int64)
     bounds = zip(stretch.start.tolist(), (stretch.start + stretch.size).tolist(), strict=True)
     data = [stretch.data[start:end] for start, end in bounds] + produced.data
-    writer.write_block(
-        topic[order], log_time[place[order]], published[place[order]], [data[k] for k in order.tolist()]
-    )
+    writer.write_block(topic[order], log_time[place[order]], published[place[order]], [data[k] for k in order.tolist()])
 
 
 def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_parameters: bool) -> None:
@@ -185,7 +235,7 @@ def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_par
     """
     try:
         if own_parameters:
-            wiring.set_values({k: v for k, v in record["parameters"].items() if k.startswith("tire.")})
+            wiring.set_values({k: v for k, v in record["parameters"].items() if k.startswith(_MAY_CHANGE)})
         same = all(record["parameters"][name] == list(wiring.values[name]) for name in ("wheels", "joint_names"))
         if same and (first or own_parameters):
             wiring.vehicle.restore(record["vehicle"])
@@ -204,31 +254,47 @@ def _why_nothing(wiring: Wiring, received: Counter[str]) -> str:
     }
     seen = ", ".join(f"{topic} {received[topic]}" for topic in wiring.inputs if received[topic]) or "no input"
     outcomes = f" ({', '.join(f'{outcome} {count}' for outcome, count in counts.items())})" if counts else ""
-    return f"no wheel ever had a speed and a load that were both fresh; the bag has {seen}{outcomes}"
+    if any(counter[why] for counter in wiring.vehicle.counts for why in ("late", "in the future", "no stamp")):
+        hint = "the stamps must be of the clock that the messages were received by"
+    elif received["joint_states"] and not any(received[topic] for topic in received if topic.endswith("/wheel_speed")):
+        hint = "--config can give joint_names as they stand in joint_states"
+    else:
+        hint = "--config can give a longer input_timeout_s"
+    return f"no wheel ever had a speed and a load that were both fresh; {hint}; the bag has {seen}{outcomes}"
 
 
 # -- what the bag holds -----------------------------------------------------------------------------------------
 
 
-def _log_of(reader: BagReader) -> dict[str, Any] | None:
-    """The first log record, if the bag is a log of the node."""
-    topic = _log_topic(reader)
+def _log_of(reader: BagReader, must: bool) -> dict[str, Any] | None:
+    """The first log record, if the bag is a log of the node; one that is damaged is none unless it ``must`` be read."""
+    topic = log_topic(reader)
     if topic is None:
         return None
     for message in reader.messages([topic]):
-        return _record(message[4])
+        try:
+            return log_record(message[4])
+        except InputError:
+            if must:
+                raise
+            return None
     return None
 
 
-def _log_topic(reader: BagReader) -> str | None:
+def log_topic(reader: BagReader) -> str | None:
+    """The topic of the log records, if the bag is a log of the node."""
     ending = LOG_RECORD.removeprefix("~")
     found = [name for name, msgtype in reader.topics.items() if name.endswith(ending) and msgtype == messages.STRING]
     if len(found) > 1:
-        raise InputError(f"{reader.path}: holds logs of several nodes ({', '.join(found)}); one is read")
+        raise InputError(
+            f"{reader.path}: holds logs of several nodes ({', '.join(found)}); one is read: record each by itself, or "
+            "take the topics of one with ros2 bag convert"
+        )
     return found[0] if found else None
 
 
-def _record(data: bytes) -> dict[str, Any]:
+def log_record(data: bytes) -> dict[str, Any]:
+    """What a log record says."""
     try:
         content = json.loads(messages.decode_string(data))
         parameters, topics, vehicle = (content[name] for name in ("parameters", "topics", "vehicle"))
@@ -241,46 +307,80 @@ def _record(data: bytes) -> dict[str, Any]:
     raise InputError("the log's record of its parameters is damaged; --config gives them anew")
 
 
-def _wheels(reader: BagReader) -> list[str]:
-    """The wheels that the bag's load topics name: front_left of /car/front_left/load."""
-    loads = [name for name, msgtype in reader.topics.items() if msgtype == messages.WRENCH_STAMPED]
-    wheels = [name.split("/")[-2] for name in loads if name.endswith("/load") and name.count("/") >= 2]
+def _wheels(reader: BagReader, remaps: Mapping[str, str]) -> list[str]:
+    """The wheels that the bag's load topics name: front_left of /car/front_left/load; and those that ``remaps`` do."""
+    kinds = {"load": messages.WRENCH_STAMPED, "load_force": messages.FLOAT64}
+    parts = {name: name.split("/") for name in reader.topics}
+    wheels = [part[-2] for name, part in parts.items() if len(part) > 2 and reader.topics[name] == kinds.get(part[-1])]
+    wheels += [wheel for wheel, _, name in (topic.rpartition("/") for topic in remaps) if wheel and name in kinds]
     if not wheels:
-        present = _listed(reader.topics)
-        kind = messages.WRENCH_STAMPED
-        raise InputError(f"{reader.path}: has no topic <wheel>/load of {kind}; its topics: {present}")
+        wanted = " or ".join(f"<wheel>/{name} of {kind}" for name, kind in kinds.items())
+        could_be = [name for kind in kinds.values() for name in reader.topics if reader.topics[name] == kind]
+        hint = (
+            ""
+            if not could_be
+            else f"; if {could_be[0]} is a wheel's load: --remap wheel/{_load_of(reader, could_be[0])}"
+        )
+        raise InputError(f"{reader.path}: has no topic {wanted}{hint}; its topics: {_listed(reader.topics)}")
     return sorted(set(wheels))
 
 
-def _names(reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | None) -> dict[str, str]:
+def _load_of(reader: BagReader, name: str) -> str:
+    """The remap that makes a topic a load."""
+    return f"{'load' if reader.topics[name] == messages.WRENCH_STAMPED else 'load_force'}:={name}"
+
+
+def _names(
+    reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | None, remaps: Mapping[str, str]
+) -> dict[str, str]:
     """Full names in the bag by the relative names of all topics."""
     node = f"/{NODE_NAME}"
     names = {TICK: f"{node}/tick", LOG_RECORD: f"{node}/log_record"}
     types = input_types(wheels)
+    for topic, name in remaps.items():
+        if topic not in types:
+            raise InputError(f"--remap: {topic} is no input; the inputs are {', '.join(types)}")
+        if name not in reader.topics:
+            raise InputError(
+                f"{reader.path}: has no topic {name}, which --remap names; its topics: {_listed(reader.topics)}"
+            )
     for topic, msgtype in types.items():
-        known = (log or {}).get("topics", {}).get(topic)
+        known = remaps.get(topic) or (log or {}).get("topics", {}).get(topic)
         if known is None and f"/{topic}" in reader.topics:
             known = f"/{topic}"
         found = [name for name in reader.topics if (name == known if known else name.endswith(f"/{topic}"))]
         if len(found) > 1:
-            raise InputError(f"{reader.path}: several topics could be {topic}: {', '.join(sorted(found))}")
+            several = ", ".join(sorted(found))
+            raise InputError(
+                f"{reader.path}: several topics could be {topic}: {several}; "
+                f"--remap {topic}:={sorted(found)[0]} takes one"
+            )
         names[topic] = found[0] if found else f"/{topic}"
         if found and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
     for wheel in wheels:
-        load = names[f"{wheel}/load"]
-        if load not in reader.topics:
-            raise InputError(f"{reader.path}: has no topic {wheel}/load; its topics: {_listed(reader.topics)}")
+        loads = [topic for topic in (f"{wheel}/load", f"{wheel}/load_force") if names[topic] in reader.topics]
+        if not loads:
+            present = _listed(reader.topics)
+            raise InputError(
+                f"{reader.path}: has no topic {wheel}/load or {wheel}/load_force; if it has another name there: "
+                f"--remap {wheel}/load:=/its/name; its topics: {present}"
+            )
+        ending = loads[0].removeprefix(wheel)
+        beside = names[loads[0]].removesuffix(ending) if names[loads[0]].endswith(ending) else f"/{wheel}"
         for output in ("axle_wrench", "ring_deflection", "ring_shape"):
-            names[f"{wheel}/{output}"] = f"{load.removesuffix('/load')}/{output}"
+            names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
-        names.update({topic: name for topic, name in log["topics"].items() if topic in names})
+        names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
     if len(set(names.values())) < len(names):
         raise InputError(f"{reader.path}: two of its topics would have one name: {_listed(names.values())}")
     speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
     if not any(name in reader.topics for name in speeds):
         present = _listed(reader.topics)
-        raise InputError(f"{reader.path}: has neither joint_states nor <wheel>/wheel_speed; its topics: {present}")
+        raise InputError(
+            f"{reader.path}: has neither joint_states nor <wheel>/wheel_speed; if the speeds have another name there: "
+            f"--remap joint_states:=/its/name; its topics: {present}"
+        )
     return names
 
 
@@ -315,7 +415,7 @@ def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Itera
     relative = {name: topic for topic, name in names.items()}
     wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
     blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
-    for block in blocks if quiet else progress(blocks, reader.message_count, "replay", size=_size):
+    for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
         topics = tuple(relative.get(name, "") for name in block.topics)
         ticks = np.flatnonzero(block.topic == topics.index(TICK)) if TICK in topics else np.empty(0, np.int64)
         valid, times = messages.decode_clocks(block.data, block.start[ticks], block.size[ticks])
@@ -339,7 +439,7 @@ def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring, quiet
     relative = {names[topic]: topic for topic in names if _is_input(topic)}
     due = last = None
     blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
-    for block in blocks if quiet else progress(blocks, reader.message_count, "replay", size=_size):
+    for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
         times = block.log_time
         if due is None or last is None:
             last = int(times[0])
@@ -396,4 +496,4 @@ def _up_to_multiple(moment: int, period: int) -> int:
 
 
 def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load"))
+    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force"))

@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimator.belt import ring_angles
-from ..estimator.vehicle import Events, Vehicle
+from ..estimator.vehicle import Events, Output, Vehicle
 from ..science.elementary import cos_sin
 from . import messages
 from .parameters import complete, unit_of, vehicle_settings
 
-__all__ = ["LOG_RECORD", "TICK", "Produced", "Stretch", "Wiring", "input_types"]
+__all__ = ["LOG_RECORD", "TF_STATIC", "TICK", "Produced", "Stretch", "Wiring", "input_types"]
 
 IntArray = NDArray[np.int64]
 
@@ -25,6 +25,9 @@ _AT_ONCE, _AT_LEAST = 4096, 128  # events
 
 TICK = "~/tick"
 """In logs only: the time of each tick, before the outputs of that tick (rosgraph_msgs/Clock)."""
+
+TF_STATIC = "/tf_static"
+"""Where the axles' frames are, if the parameters say so (tf2_msgs/TFMessage)."""
 
 LOG_RECORD = "~/log_record"
 """In logs only: what a replay needs beside the inputs, as JSON (std_msgs/String)."""
@@ -36,6 +39,7 @@ def input_types(wheels: tuple[str, ...]) -> dict[str, str]:
     for wheel in wheels:
         types[f"{wheel}/wheel_speed"] = messages.FLOAT64
         types[f"{wheel}/load"] = messages.WRENCH_STAMPED
+        types[f"{wheel}/load_force"] = messages.FLOAT64
     return types
 
 
@@ -84,6 +88,10 @@ class Wiring:
         Message type by the topic's relative name.
     malformed : Counter
         By topic, the messages that were not what their type says; each was left out whole.
+    forces : list of Output
+        The axles' forces at the last :meth:`tick`.
+    shapes : dict
+        By wheel, what ring_shape had at its last turn in :meth:`belts`, (P, 5).
     """
 
     def __init__(self, values: Mapping[str, Any], kernels: ModuleType | None = None) -> None:
@@ -93,6 +101,9 @@ class Wiring:
         self.inputs = input_types(settings.wheels)
         self.outputs: dict[str, str] = {}
         self.malformed: Counter[str] = Counter()
+        self.forces: list[Output] = []
+        self.shapes: dict[int, NDArray[np.float64]] = {}
+        self._scale = self.values["ring_shape_scale"]
         self._names: list[tuple[str, str, str]] = []
         self._wrenches = []
         self._shapes = []
@@ -102,6 +113,7 @@ class Wiring:
         for index, (wheel, frame) in enumerate(zip(settings.wheels, self.values["frame_ids"], strict=True)):
             self._receivers[f"{wheel}/wheel_speed"] = self._wheel_speed(index)
             self._receivers[f"{wheel}/load"] = self._load(index)
+            self._receivers[f"{wheel}/load_force"] = self._load_force(index)
             names = (f"{wheel}/axle_wrench", f"{wheel}/ring_deflection", f"{wheel}/ring_shape")
             self._names.append(names)
             types = (messages.WRENCH_STAMPED, messages.FLOAT64_MULTI_ARRAY, messages.POINT_CLOUD)
@@ -122,9 +134,10 @@ class Wiring:
 
     def tick(self, stamp: int) -> list[tuple[str, bytes]]:
         """Advance to a time [ns]; the forces of that moment as (relative topic, serialised message)."""
+        self.forces = self.vehicle.tick(stamp)
         return [
             (self._names[index][0], self._wrenches[index].encode(stamp, force_x, force_z))
-            for index, force_x, force_z in self.vehicle.tick(stamp)
+            for index, force_x, force_z in self.forces
         ]
 
     def belts(self) -> list[tuple[str, bytes]]:
@@ -133,12 +146,20 @@ class Wiring:
         for index, deflection in self.vehicle.belts():
             _, name, shape = self._names[index]
             produced.append((name, self._deflection.encode(deflection)))
-            points = self._points(deflection[None])[0]
+            points = self.shapes[index] = self._points(deflection[None])[0]
             produced.append((shape, self._shapes[index].encode(self.vehicle.time or 0, points)))
         return produced
 
     def run(self, stretch: Stretch) -> Produced:
         """What :meth:`receive`, and :meth:`tick` with :meth:`belts`, would do one after the other, bit for bit.
+
+        Parameters
+        ----------
+        stretch : Stretch
+
+        Returns
+        -------
+        Produced
 
         Raises
         ------
@@ -226,18 +247,34 @@ class Wiring:
             wheel_speeds.append((place, stretch.received[place], speed[valid]))
             place = of(name := f"{wheel}/load")
             valid, stamp, fx, fz = messages.decode_wrenches(stretch.data, stretch.start[place], stretch.size[place])
+            parts = [(usable(name, place, valid), stamp[valid], fz[valid], fx[valid])]
+            place = of(name := f"{wheel}/load_force")
+            valid, fz = messages.decode_float64s(stretch.data, stretch.start[place], stretch.size[place])
             place = usable(name, place, valid)
-            values = np.stack([fz[valid], fx[valid]], axis=1)
-            loads.append((place, stretch.received[place], stamp[valid], values))
+            if place.size:
+                parts.append((place, stretch.received[place], fz[valid], np.zeros(place.size)))
+            place, stamp, fz, fx = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+            order = np.argsort(place, kind="stable")
+            values = np.stack([fz, fx], axis=1)
+            loads.append((place[order], stretch.received[place[order]], stamp[order], values[order]))
         ticks = of(TICK)
         return Events(ticks, stretch.tick[ticks], joint_states, wheel_speeds, loads)
 
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Change parameters that may change while the wheels turn, from now on."""
         self.values = complete({**self.values, **values})
+        self._scale = self.values["ring_shape_scale"]
         unit = unit_of(self.values)
         if unit != self.vehicle.unit:
             self.vehicle.set_unit(unit)
+
+    def transforms(self, stamp: int) -> bytes | None:
+        """Where the axles' frames are, for :data:`TF_STATIC`; None if no parent frame is given."""
+        parent, positions = self.values["tf.parent_frame"], self.values["tf.positions"]
+        if not parent:
+            return None
+        places = [positions[first : first + 3] for first in range(0, len(positions), 3)]
+        return messages.encode_static_transforms(stamp, parent, self.values["frame_ids"], places)
 
     def record(self, topics: Mapping[str, str], dropped: Mapping[str, int] | None = None) -> bytes:
         """The log record that lets a replay continue from here: parameters, state, and the topics' full names.
@@ -251,8 +288,8 @@ class Wiring:
         """Columns x, y, z, radial, tangential of deformed belts (M, 2, P) in the axle's frame [m], shape (M, P, 5)."""
         radial, tangential = belts[:, 0], belts[:, 1]
         points = np.zeros((*radial.shape, 5))
-        place = (self.vehicle.unit.radius + radial)[..., None] * self._outward
-        place += tangential[..., None] * self._along
+        place = (self.vehicle.unit.radius + self._scale * radial)[..., None] * self._outward
+        place += (self._scale * tangential)[..., None] * self._along
         points[..., [0, 2]] = place
         points[..., 3], points[..., 4] = radial, tangential
         return points
@@ -282,5 +319,13 @@ class Wiring:
         def receive(received: int, data: bytes) -> None:
             wrench = decode(data)
             take(index, received, wrench.stamp_ns, wrench.fz, wrench.fx)
+
+        return receive
+
+    def _load_force(self, index: int) -> Callable[[int, bytes], None]:
+        decode, take = messages.decode_float64, self.vehicle.load
+
+        def receive(received: int, data: bytes) -> None:
+            take(index, received, received, decode(data), 0.0)
 
         return receive

@@ -14,6 +14,7 @@ import os
 import struct
 import zlib
 from array import array
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from itertools import repeat
@@ -31,7 +32,7 @@ from mcap.opcode import Opcode
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from ..errors import InputError
+from ..errors import InputError, missing
 from .chunks import HEAD, heads_at
 
 __all__ = ["BagReader", "Block", "Message", "yaml_texts"]
@@ -45,6 +46,10 @@ _MAX_RECORD = 16 * 2**20  # bytes of a schema, channel, statistics or metadata r
 _MAX_KEPT = 64 * 2**20  # bytes of names, types and metadata records of a bag
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
 _MAX_DEPTH = 30  # of metadata.yaml; rosbag2's is 6
+_CONVERT = "rosbags-convert --src IN --dst OUT --dst-storage mcap makes a bag that is read"  # it comes with rosbags
+_LONGEST_MAGIC = 16  # bytes, of the files that are told apart
+_MAX_NAME = 20  # bytes of a compression's name
+_MAX_QOS = 8 * 2**20  # characters of the texts about QoS in a file; what is beyond is not needed to read it
 _RUN = 2**16  # bytes of messages outside chunks that are read together
 _BLOCK = 4 * 2**20  # bytes of a block, beside what is held back
 _STEP = 2**16  # records that are looked at together
@@ -54,11 +59,14 @@ _RECORD = struct.Struct("<BQ")  # opcode, length of the content
 _LENGTH = struct.Struct("<Q")
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, uncompressed size, CRC, length of the compression's name
-_CHUNK_INDEX = struct.Struct("<QQQQ")  # start, end, offset, length
+_CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, bytes of the message indexes' places
+_INDEX_PLACE = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, CRC
 _FOOTER_LENGTH = _FOOTER.size + len(MCAP0_MAGIC)
 
 Message = tuple[str, str, int, int, bytes]
+"""Topic, message type, log time and publish time [ns], serialised message."""
+
 _Rows = NDArray[np.int64]  # (6, N), messages: place in the bag, topic, log time, publish time, start and size of data
 _UNDECLARED, _UNWANTED = -2, -1  # instead of a topic
 
@@ -135,6 +143,12 @@ class BagReader:
     damage : str
         What is wrong with a file that ends early, for instance because its recorder was killed; empty for a
         whole bag. All that stands before the damage is read.
+    counts : dict of str to (int or None)
+        Messages by topic; None where the bag does not say.
+    qos : dict of str to str
+        What the recorder wrote of each topic's QoS, as YAML.
+    chunks : Counter
+        How many chunks there are by compression; "" is none.
 
     Raises
     ------
@@ -144,7 +158,13 @@ class BagReader:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
-        self._files = [_BagFile(file) for file in _files_of(self.path)]
+        self._files: list[_BagFile] = []
+        self.qos: dict[str, str] = {}
+        for name in _files_of(self.path):
+            self._files.append(file := _BagFile(name))
+            for channel, text in file.qos.items():
+                self.qos.setdefault(file.channels[channel][0], text)
+            file.qos.clear()  # every file of a long bag says the same
         self.topics: dict[str, str] = {}
         self.metadata: dict[str, dict[str, str]] = {}
         for file in self._files:
@@ -156,6 +176,16 @@ class BagReader:
         if sum(file.kept for file in self._files) > _MAX_KEPT:
             raise InputError(f"{self.path}: declares more topics and metadata than a bag needs")
         self.message_count = sum(file.count for file in self._files)
+        self.counts: dict[str, int | None] = dict.fromkeys(self.topics, 0)
+        self.chunks: Counter[str] = Counter()
+        for file in self._files:
+            self.chunks.update(file.chunks)
+            for channel, (topic, _, _) in file.channels.items():
+                before = self.counts[topic]
+                if file.counts is None or before is None:
+                    self.counts[topic] = None
+                else:
+                    self.counts[topic] = before + file.counts.get(channel, 0)
         filled = [file for file in self._files if file.count]
         self.start_ns = min((file.start for file in filled), default=None)
         self.end_ns = max((file.end for file in filled), default=None)
@@ -170,6 +200,29 @@ class BagReader:
     def complete(self) -> bool:
         """Whether every file has its end."""
         return not self.damage
+
+    def rare(self, topic: str) -> Iterator[tuple[int, bytes]]:
+        """Log time and content of the messages of a topic of few, in the order of the files.
+
+        Where a file's index says which chunks have some, no other is read: of a long bag only these.
+
+        Parameters
+        ----------
+        topic : str
+
+        Raises
+        ------
+        InputError
+            As ``messages`` does.
+        """
+        for file in self._files:
+            routes = file.routes({topic}, {topic: 0})
+            for offset, length in file.places([c for c, (name, *_) in file.channels.items() if name == topic]):
+                with _reading(file.path):
+                    data, rows = file.read(offset, length, routes)
+                    columns = zip(*(rows[k].tolist() for k in (2, 4, 5)), strict=True)
+                    some = [(time, data[start : start + size]) for time, start, size in columns]
+                yield from some
 
     def messages(self, topics: Iterable[str] | None = None, *, in_file_order: bool = False) -> Iterator[Message]:
         """All messages, in order of log time; of equal times, in the order of the files.
@@ -310,10 +363,19 @@ class _Stretch:
             yield block
 
 
+def _other_kind(begin: bytes) -> str:
+    """What else a file may be, and how a bag is made of it."""
+    if begin.startswith(b"SQLite format 3"):
+        return f" but SQLite's; where IN is its folder, {_CONVERT}"
+    if begin.startswith(b"#ROSBAG"):
+        return f" but ROS 1's; {_CONVERT}"
+    return "; a rosbag2 folder or a .mcap file is wanted"
+
+
 def _files_of(path: Path) -> list[Path]:
     """The bag's ``.mcap`` files, in order."""
     if not path.exists():
-        raise InputError(f"{path}: does not exist")
+        raise missing(path)
     if not path.is_dir():
         return [path]
     metadata = path / "metadata.yaml"
@@ -336,14 +398,17 @@ def _files_of(path: Path) -> list[Path]:
     except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise InputError(f"{metadata}: is not the description of a bag") from None
     if storage != "mcap":
-        raise InputError(f"{path}: its storage is {storage!r}; only mcap is read (ros2 bag convert makes it)")
+        raise InputError(f"{path}: its storage is {storage!r}; only mcap is read; {_CONVERT}")
     if compression.lower() not in ("none", "null", "~"):
-        raise InputError(f"{path}: its compression_mode is {compression!r}; only chunk compression is read")
+        raise InputError(f"{path}: its compression_mode is {compression!r}; only chunk compression is read; {_CONVERT}")
     for name in names:
         if PurePath(name).name != name:
             raise InputError(f"{metadata}: {name!r} is not a file of this folder")
         if not (path / name).exists():
-            raise InputError(f"{path / name}: does not exist, though metadata.yaml lists it")
+            raise InputError(
+                f"{path / name}: does not exist, though metadata.yaml lists it; tire-dynamics recover makes a bag of "
+                "the files that do"
+            )
     if not names or len(set(names)) < len(names):
         raise InputError(f"{metadata}: lists {'a file twice' if names else 'no file'}")
     return [path / name for name in names]
@@ -378,9 +443,10 @@ class _BagFile:
         with _reading(path), open(path, "rb") as file:
             size = os.fstat(file.fileno()).st_size
             if size == 0:
-                raise InputError(f"{path}: is empty")
-            if file.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                raise InputError(f"{path}: is not an MCAP file")
+                raise InputError(f"{path}: is empty; its recorder wrote nothing")
+            begin = file.read(_LONGEST_MAGIC)
+            if not begin.startswith(MCAP0_MAGIC):
+                raise InputError(f"{path}: is not an MCAP file{_other_kind(begin)}")
             try:
                 self._read_summary(file, size)
             except (*_DAMAGE, OSError):  # OSError: an offset beyond any file
@@ -392,6 +458,10 @@ class _BagFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count, self.start, self.end = 0, _NO_TIME, 0
         self.damage = ""
+        self.counts: dict[int, int] | None = {}  # messages by channel, None if they are not told
+        self.qos: dict[int, str] = {}  # by channel, if there is room
+        self._room = _MAX_QOS
+        self.chunks: Counter[str] = Counter()  # by compression
         self.kept = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
         self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
@@ -454,6 +524,10 @@ class _BagFile:
             old = self.channels.setdefault(channel.id, new)
             if old != new:
                 raise _DamageError(f"channel {channel.id} is declared twice, as {old[0][:100]} and {new[0][:100]}")
+            qos = channel.metadata.get("offered_qos_profiles", "")
+            if channel.id not in self.qos and self._room >= len(qos):
+                self._room -= len(qos)
+                self.qos[channel.id] = qos
             self._keep(len(new[0]) + len(new[2]))
         elif opcode == Opcode.METADATA:
             self._keep(len(content))
@@ -467,34 +541,21 @@ class _BagFile:
 
     def _read_summary(self, file: BinaryIO, size: int) -> None:
         """Take everything from the summary; ``_DAMAGE`` if it is not there or not whole."""
-        file.seek(max(size - _FOOTER_LENGTH, 0))
-        footer = file.read()
-        opcode, _, position, _, crc = _FOOTER.unpack_from(footer)
-        if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MCAP0_MAGIC or not position:
-            raise _DamageError("no summary")
         statistics = None
         metadata_indexes = []
-        actual_crc = 0
-        file.seek(position)
-        while position < size - _FOOTER_LENGTH:
-            head = _exactly(file, _RECORD.size)
-            opcode, length = _RECORD.unpack(head)
-            content = _exactly(file, length, _MAX_RECORD)
-            actual_crc = zlib.crc32(content, zlib.crc32(head, actual_crc))
-            position += _RECORD.size + length
+        for opcode, content in _summary(file, size):
             if opcode == Opcode.CHUNK_INDEX:
-                start, _, offset, chunk_length = _CHUNK_INDEX.unpack_from(content)
+                start, _, offset, chunk_length, _ = _CHUNK_INDEX.unpack_from(content)
                 if offset + chunk_length > size:
                     raise _DamageError("a chunk beyond the end")
                 self.spans.extend((start, offset, chunk_length))
+                self.chunks[_compression(content)] += 1
             elif opcode == Opcode.STATISTICS:
                 statistics = records.Statistics.read(ReadDataStream(io.BytesIO(content)))
             elif opcode == Opcode.METADATA_INDEX:
                 metadata_indexes.append(records.MetadataIndex.read(ReadDataStream(io.BytesIO(content))))
             else:
                 self._add_record(opcode, content)
-        if crc and zlib.crc32(footer[: _FOOTER.size - 4], actual_crc) != crc:
-            raise _DamageError("the summary does not match its checksum")
         if statistics is None or statistics.chunk_count != len(self.spans) // 3:
             raise _DamageError("no index of the chunks")
         places = np.array(self.spans, np.uint64).reshape(-1, 3)[:, 1:]
@@ -510,6 +571,8 @@ class _BagFile:
             opcode, length = _RECORD.unpack(_exactly(file, _RECORD.size))
             self._add_record(opcode, _exactly(file, length, _MAX_RECORD))
         self.count = statistics.message_count
+        counts = statistics.channel_message_counts
+        self.counts = counts if sum(counts.values()) == self.count else None
         self.start, self.end = statistics.message_start_time, statistics.message_end_time
 
     def _walk(self, file: BinaryIO, size: int) -> None:
@@ -547,27 +610,90 @@ class _BagFile:
         """Take in a chunk's channels and count its messages; the log time of the first."""
         data = _chunk_records(content)
         first, count, end = _NO_TIME, 0, self.end
+        found: Counter[int] = Counter()
         for messages, others in _records(data, True):
             for opcode, position, after in others:
                 self._add_record(opcode, data[position:after])
             heads = heads_at(data, messages)
-            for channel in np.unique(heads["channel"]).tolist():
+            numbers, counts = np.unique(heads["channel"], return_counts=True)
+            for channel, number in zip(numbers.tolist(), counts.tolist(), strict=True):
                 if channel not in self.channels:
                     raise _DamageError(f"channel {channel} is not declared")
+                found[channel] += number
             if len(heads):
                 first, end = min(first, int(heads["log_time"].min())), max(end, int(heads["log_time"].max()))
                 count += len(heads)
         self.count += count
+        self._count(found)
+        self.chunks[_compression_of_chunk(content)] += 1
         self.start, self.end = min(self.start, first), end
         return first
+
+    def _count(self, found: Mapping[int, int]) -> None:
+        if self.counts is not None:
+            for channel, number in found.items():
+                self.counts[channel] = self.counts.get(channel, 0) + number
+
+    def places(self, channels: Collection[int]) -> list[tuple[int, int]]:
+        """Offset and length of the spans in which messages of these channels may be."""
+        everywhere = [(self.spans[k + 1], self.spans[k + 2]) for k in range(0, len(self.spans), 3)]
+        if not channels or not self.count:
+            return []
+        try:
+            found = []
+            with open(self.path, "rb") as file:
+                for opcode, content in _summary(file, os.fstat(file.fileno()).st_size):
+                    if opcode == Opcode.CHUNK_INDEX:
+                        _, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
+                        index = np.frombuffer(content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size], _INDEX_PLACE)
+                        if not size:  # not told
+                            return everywhere
+                        if np.isin(index["channel"], list(channels)).any():
+                            found.append((offset, length))
+        except (*_DAMAGE, OSError):
+            return everywhere
+        return found if len(set(found)) == len(found) and set(found) <= set(everywhere) else everywhere
 
     def _see_message(self, head: bytes) -> int:
         channel, _, log_time, _ = _MESSAGE.unpack(head)
         if channel not in self.channels:
             raise _DamageError(f"channel {channel} is not declared")
         self.count += 1
+        self._count({channel: 1})
         self.start, self.end = min(self.start, log_time), max(self.end, log_time)
         return int(log_time)
+
+
+def _summary(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+    """Opcode and content of the summary's records; ``_DAMAGE`` if it is not there or not whole."""
+    file.seek(max(size - _FOOTER_LENGTH, 0))
+    footer = file.read()
+    opcode, _, position, _, crc = _FOOTER.unpack_from(footer)
+    if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MCAP0_MAGIC or not position:
+        raise _DamageError("no summary")
+    actual_crc = 0
+    file.seek(position)
+    while position < size - _FOOTER_LENGTH:
+        head = _exactly(file, _RECORD.size)
+        opcode, length = _RECORD.unpack(head)
+        content = _exactly(file, length, _MAX_RECORD)
+        actual_crc = zlib.crc32(content, zlib.crc32(head, actual_crc))
+        position += _RECORD.size + length
+        yield opcode, content
+    if crc and zlib.crc32(footer[: _FOOTER.size - 4], actual_crc) != crc:
+        raise _DamageError("the summary does not match its checksum")
+
+
+def _compression(index: bytes) -> str:
+    """How the chunk of a chunk index is compressed."""
+    position = _CHUNK_INDEX.size + _CHUNK_INDEX.unpack_from(index)[4] + 8
+    length = int.from_bytes(index[position : position + 4], "little")
+    return index[position + 4 : position + 4 + min(length, _MAX_NAME)].decode()
+
+
+def _compression_of_chunk(content: memoryview) -> str:
+    length = min(_CHUNK.unpack_from(content)[4], _MAX_NAME)
+    return bytes(content[_CHUNK.size : _CHUNK.size + length]).decode()
 
 
 def _exactly(file: BinaryIO, length: int, limit: int = _MAX_CHUNK) -> bytes:

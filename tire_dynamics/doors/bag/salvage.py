@@ -53,6 +53,7 @@ _CHUNKED, _UNCHUNKED, _UNSURE, _LOST, _LOST_BEHIND = range(5)
 
 _CHUNKLESS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)  # what a chunk holds, and may stand outside
 _KINDS: dict[int, Any] = {
+    Opcode.HEADER: records.Header,
     Opcode.SCHEMA: records.Schema,
     Opcode.CHANNEL: records.Channel,
     Opcode.METADATA: records.Metadata,

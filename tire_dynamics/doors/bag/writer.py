@@ -31,14 +31,18 @@ _QOS: dict[str, dict[str, Any]] = {
         "history": "keep_last",
         "depth": depth,
         "reliability": reliability,
-        "durability": "volatile",
+        "durability": durability,
         "deadline": dict(_FOREVER),
         "lifespan": dict(_FOREVER),
         "liveliness": "automatic",
         "liveliness_lease_duration": dict(_FOREVER),
         "avoid_ros_namespace_conventions": False,
     }
-    for name, depth, reliability in (("default", 10, "reliable"), ("sensor_data", 5, "best_effort"))
+    for name, depth, reliability, durability in (
+        ("default", 10, "reliable", "volatile"),
+        ("sensor_data", 5, "best_effort", "volatile"),
+        ("latched", 1, "reliable", "transient_local"),
+    )
 }
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _MAX_QOS = 2**16  # characters
@@ -442,7 +446,7 @@ def keep_apart(source: Path, files: Iterable[Path], output: Path) -> None:
     target = output.resolve()
     places = [path.resolve() for path in (source, *files)]
     if any(place == target or target in place.parents or place in target.parents for place in places):
-        raise InputError(f"{output}: is where {source} is; what is read is never changed")
+        raise InputError(f"{output}: is where {source} is, and what is read is never changed; choose another output")
 
 
 def check_replaceable(folder: Path, force: bool) -> None:
@@ -452,10 +456,12 @@ def check_replaceable(folder: Path, force: bool) -> None:
     if not force:
         raise InputError(f"{folder}: exists already (--force replaces a bag)")
     if folder.is_symlink() or not (folder / "metadata.yaml").is_file():
-        raise InputError(f"{folder}: exists and is not a bag, so it is not replaced")
+        raise InputError(f"{folder}: exists and is not a bag, so it is not replaced; choose another output")
     for entry in os.scandir(folder):
         if not (entry.is_file(follow_symlinks=False) and _belongs_to_a_bag(entry.name)):
-            raise InputError(f"{folder}: holds more than a bag ({entry.name}), so it is not replaced")
+            raise InputError(
+                f"{folder}: holds more than a bag ({entry.name}), so it is not replaced; choose another output"
+            )
 
 
 def _belongs_to_a_bag(name: str) -> bool:
