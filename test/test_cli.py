@@ -7,6 +7,10 @@ import json
 import math
 import os
 import pty
+import re
+import shlex
+import shutil
+import signal
 import subprocess
 import sys
 from contextlib import redirect_stderr, redirect_stdout
@@ -17,8 +21,8 @@ import pytest
 
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.cli import main
+from tire_dynamics.doors.bag import BagReader, BagWriter
+from tire_dynamics.doors.cli import SHELLS, _Commands, main
 from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
 
 REPOSITORY = Path(__file__).parents[1]
@@ -198,7 +202,14 @@ def test_the_node_names_the_bad_line_of_a_parameter_file(ros_domain, config):
     ("arguments", "named"),
     [
         ([], "COMMAND"),
-        (["figure"], "figure"),
+        (["figure"], "did you mean figures?"),
+        (["--forse"], "--forse"),
+        (["nothing like it"], "--help lists them"),
+        (["replay", "x", "-o", "y", "--jbos", "3"], "did you mean --jobs?"),
+        (["stability", "--speed-rpm", "1", "2"], "'2' is one argument too many"),
+        (["replay", "x", "-o", "y", "--jobs", "many"], "--jobs is 'many'; it must be a whole number"),
+        (["replay", "x", "-o", "y", "--remap", "load=/x"], "--remap is 'load=/x'; it must be INPUT:=TOPIC"),
+        (["completion", "csh"], "csh"),
         (["replay"], "IN"),
         (["replay", "x"], "--output"),
         (["play", "x", "--rate", "fast"], "fast"),
@@ -340,6 +351,7 @@ def test_a_reader_that_goes_away_is_no_error_of_ours():
     )
     os.close(write)
     assert "Traceback" not in done.stderr and "Exception" not in done.stderr
+    assert done.returncode == 128 + signal.SIGPIPE
 
 
 # --- what needs no ROS ---
@@ -402,19 +414,263 @@ def test_what_needs_ros_says_so(arguments):
     assert "rclpy" in line
 
 
+# --- what the help says ---
+
+COMMANDS = _Commands()
+NAMES = list(COMMANDS.commands.choices)
+
+
+def test_the_help_lists_every_command_once_and_the_exit_statuses():
+    text = command("--help").stdout
+    assert len(NAMES) >= 10
+    for name in NAMES:
+        assert len(re.findall(rf"^  {name} +\S", text, re.MULTILINE)) == 1
+    for status in ("0", "1", "2", "128+N"):
+        assert re.search(rf"^  {re.escape(status)} +\S", text, re.MULTILINE)
+
+
+@pytest.mark.parametrize("name", ["", *NAMES])
+def test_every_example_in_the_help_is_a_right_call(name):
+    text = command(*([name] if name else []), "--help").stdout
+    examples = re.findall(r"^  tire-dynamics (.*)$", text.partition("\nexamples:\n")[2], re.MULTILINE)
+    assert examples
+    for example in examples:
+        words = shlex.split(example.partition(" > ")[0])
+        assert words[0] == name if name else words[0] in NAMES
+        if words[0] != "node":  # what follows is for ROS
+            COMMANDS.parse(words)
+
+
+def test_the_version_is_that_of_the_package():
+    import xml.etree.ElementTree as tree
+
+    done = command("--version")
+    version = tree.parse(REPOSITORY / "package.xml").getroot().findtext("version")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout == f"tire-dynamics {version}\n"
+
+
+def test_the_page_about_the_commands_has_each_with_right_calls():
+    text = (REPOSITORY / "docs" / "command_line.md").read_text("utf-8")
+    assert set(re.findall(r"^### (\S+)$", text, re.MULTILINE)) == set(NAMES) - {"completion"}  # it has a chapter
+    text, _, wrong = text.partition("## Errors")
+    wrong, _, behind = wrong.partition("\n## ")
+    calls = re.findall(r"^    (?:\$ )?tire-dynamics (.*)$", text + behind, re.MULTILINE)
+    assert len(calls) > 15
+    for call in calls:
+        words = shlex.split(re.split(r" [|>] ", call)[0])
+        if words[0] != "node":
+            COMMANDS.parse(words)
+    shown = re.search(r"^    \$ tire-dynamics info bags/sample\n(.*?)\n\n\S", text, re.MULTILINE | re.DOTALL)[1]
+    done = command("info", "bags/sample", cwd=REPOSITORY)
+    assert [line.removeprefix("    ") for line in shown.splitlines()] == done.stdout.splitlines()
+    for call, line in re.findall(r"^    \$ tire-dynamics (.*)\n    tire-dynamics: (.*)$", wrong, re.MULTILINE):
+        if "--jobs many" in call or call == "stabilty":  # the others need files
+            assert refused(*shlex.split(call)) == f"tire-dynamics: {line}"
+
+
+# --- errors that help ---
+
+
+def test_a_name_that_is_nearly_right_is_named(tmp_path, bag):
+    assert f"did you mean {bag}?" in refused("replay", tmp_path / "inptu", "-o", tmp_path / "out")
+    assert f"did you mean {bag}?" in refused("recover", tmp_path / "inptu", "-o", tmp_path / "out")
+    assert "nor does the folder" in refused("info", tmp_path / "none" / "input")
+
+
+@pytest.mark.parametrize("begin", [b"SQLite format 3\0", b"#ROSBAG V2.0\n"])
+def test_bags_of_other_kinds_are_told_how_to_become_ours(tmp_path, begin):
+    (tmp_path / "old.bag").write_bytes(begin + bytes(100))
+    line = refused("replay", tmp_path / "old.bag", "-o", tmp_path / "out")
+    call = re.search(r"(rosbags-convert .*) makes", line)[1].split()
+    usage = subprocess.run([Path(sys.executable).with_name(call[0]), "--help"], capture_output=True, text=True).stdout
+    assert all(option in usage for option in call if option.startswith("--"))
+
+
+def test_what_helps_against_inputs_that_are_never_fresh_helps(tmp_path, bag, config):
+    """Joints that are not named like the wheels."""
+    joints = messages.JointStateEncoder(["l_wheel_joint"])
+    encoder = WrenchEncoder("axle")
+    with BagWriter(tmp_path / "joints") as writer:
+        speed = writer.add_topic("/joint_states", messages.JOINT_STATE)
+        load = writer.add_topic("/left/load", messages.WRENCH_STAMPED)
+        for now in range(BEGIN, BEGIN + 10**9, 10**7):
+            writer.write(speed, now, now, joints.encode(now, [50.0]))
+            writer.write(load, now, now, encoder.encode(now, 0.0, 4000.0))
+    assert "joint_names" in refused("replay", tmp_path / "joints", "-o", tmp_path / "out")
+    path = config("/**:\n  ros__parameters:\n    wheels: [left]\n    joint_names: [l_wheel_joint]\n")
+    assert called("replay", tmp_path / "joints", "-o", tmp_path / "out", "--config", path).returncode == 0
+
+
+def test_a_damaged_record_of_parameters_is_helped_by_config(tmp_path, config):
+    write_bag(tmp_path / "input")
+    with BagWriter(tmp_path / "log") as writer:
+        record = writer.add_topic("/tire_dynamics/log_record", messages.STRING)
+        speed = writer.add_topic("/left/wheel_speed", messages.FLOAT64)
+        load = writer.add_topic("/left/load", messages.WRENCH_STAMPED)
+        writer.write(record, BEGIN, BEGIN, messages.encode_string("{"))
+        for now in range(BEGIN, BEGIN + 10**9, 10**7):
+            writer.write(speed, now, now, encode_float64(50.0))
+            writer.write(load, now, now, WrenchEncoder("axle").encode(now, 0.0, 4000.0))
+    assert "--config" in refused("replay", tmp_path / "log", "-o", tmp_path / "out")
+    path = config("/**:\n  ros__parameters:\n    wheels: [left]\n")
+    assert called("replay", tmp_path / "log", "-o", tmp_path / "out", "--config", path).returncode == 0
+
+
+# --- topics of other names ---
+
+
+def test_a_topic_of_another_name_is_taken_for_an_input(tmp_path, bag):
+    """The same messages under other names give the same forces."""
+    renamed = {"/left/load": "/sensors/fl", "/left/wheel_speed": "/fl/speed"}
+    with BagWriter(tmp_path / "renamed") as writer:
+        handles = {}
+        for topic, kind, log_time, publish_time, data in BagReader(bag).messages():
+            if topic.startswith("/left"):
+                if topic not in handles:
+                    handles[topic] = writer.add_topic(renamed[topic], kind)
+                writer.write(handles[topic], log_time, publish_time, data)
+    line = refused("replay", tmp_path / "renamed", "-o", tmp_path / "out")
+    assert "--remap wheel/load:=/sensors/fl" in line
+    remaps = ("--remap", "left/load:=/sensors/fl", "--remap", "left/wheel_speed:=/fl/speed")
+    for out in (("out",), ("many", "--jobs", "1")):
+        done = called("replay", tmp_path / "renamed", "-o", tmp_path / out[0], *out[1:], *remaps)
+        assert done.returncode == 0, done.stderr
+    assert called("replay", bag, "-o", tmp_path / "straight").returncode == 0
+
+    def forces(path: Path) -> list[bytes]:
+        return [data for *_, data in BagReader(path).messages(["/left/axle_wrench"])]
+
+    assert len(forces(tmp_path / "out")) > 100
+    assert forces(tmp_path / "out") == forces(tmp_path / "many" / "renamed") == forces(tmp_path / "straight")
+    again = called("replay", tmp_path / "out", "-o", tmp_path / "again")  # the log knows the names
+    assert again.returncode == 0 and forces(tmp_path / "again") == forces(tmp_path / "out")
+
+    assert "/nowhere" in refused("replay", bag, "-o", tmp_path / "x", "--remap", "left/load:=/nowhere")
+    assert "no input" in refused("replay", bag, "-o", tmp_path / "x", "--remap", "left/laod:=/left/load")
+
+
+# --- JSON and quiet ---
+
+
+def write_csv(folder: Path) -> tuple:
+    (folder / "a.csv").write_text("t,v\n0,1\n0.1,2\nx,3\n")
+    files = ("--speed", folder / "a.csv", "--load", folder / "a.csv")
+    return ("import", *files, "--speed-columns", "w=v", "--load-columns", "v", "-o", folder / "out")
+
+
+ANSWERS = {
+    "replay": (lambda bag, out: ("replay", bag, "-o", out), {"input", "output", "received", "written", "damage"}),
+    "several": (lambda bag, out: ("replay", bag, "-o", out, "--jobs", "1"), {"output", "bags", "replayed", "failed"}),
+    "recover": (lambda bag, out: ("recover", bag, "-o", out), {"input", "output", "kept", "whole"}),
+    "import": (lambda bag, out: write_csv(bag.parent), {"output", "wheels", "speed", "load", "formulas"}),
+    "map": (
+        lambda bag, out: ("map", "--x", "speed_rpm=0:30000:8", "--y", "zeta_1=0.02:0.2:8", "-o", f"{out}.png"),
+        {"output", "numbers", "x", "y", "verdicts", "boundary"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_json_is_one_object_on_standard_output_and_quiet_says_nothing(tmp_path, bag, name):
+    if name == "map":
+        pytest.importorskip("matplotlib", reason="the extra `plot` is not installed")
+    call, keys = ANSWERS[name]
+    done = called(*call(bag, tmp_path / "out"), "--json")
+    assert done.returncode == 0, done.stderr
+    answer = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
+    assert keys <= set(answer)
+    for key in ("output", "numbers"):
+        assert key not in answer or Path(answer[key]).exists()
+    left_out = ["a.csv: 1 rows left out; the first is line 4: 't' is 'x'"] * 2 if name == "import" else []
+    assert done.stderr.splitlines() == left_out  # what is wrong with the input is said in any case
+    done = called(*call(bag, tmp_path / "out"), "--quiet", "--force")
+    assert (done.returncode, done.stdout, done.stderr.splitlines()) == (0, "", left_out)
+
+
+def test_the_numbers_of_a_replay_are_those_of_its_bag(tmp_path, bag):
+    answer = json.loads(called("replay", bag, "-o", tmp_path / "out", "--json").stdout)
+    counts = {name.lstrip("/"): count for name, count in BagReader(tmp_path / "out").counts.items()}
+    for part in ("received", "written"):
+        assert answer[part] == {name: counts[name] for name in answer[part]}
+    assert answer["received"]["left/load"] == 100 and answer["written"]["left/axle_wrench"] > 400
+    several = json.loads(called("replay", bag, "-o", tmp_path / "many", "--jobs", "1", "--json").stdout)
+    (only,) = several["bags"]
+    assert only["received"] == sum(answer["received"].values()) and only["written"] == sum(answer["written"].values())
+
+
+def test_of_several_bags_some_that_cannot_be_replayed(tmp_path, bag):
+    (tmp_path / "text.mcap").write_text("This is no bag.\n")
+    done = called("replay", bag, tmp_path / "text.mcap", "-o", tmp_path / "out", "--json")
+    answer = json.loads(done.stdout)
+    assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
+    assert (answer["replayed"], answer["failed"]) == (1, 1)
+    good, bad = answer["bags"]
+    assert good["error"] is None and Path(good["output"]).is_dir()
+    assert "not an MCAP file" in bad["error"] and bad["output"] is None
+
+
+# --- completion ---
+
+IN_BASH = """
+source "$1"; shift
+COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMPREPLY=()
+function=$(complete -p tire-dynamics | sed 's/.*-F \\([^ ]*\\).*/\\1/')
+"$function" tire-dynamics "${COMP_WORDS[COMP_CWORD]}" "${COMP_WORDS[COMP_CWORD - 1]}"
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+
+
+@pytest.mark.skipif(not shutil.which("bash"), reason="there is no bash here")
+def test_completion_in_bash(tmp_path, bag):
+    pytest.importorskip("shtab", reason="shtab is not installed")
+    script = tmp_path / "completion.sh"
+    script.write_text(command("completion", "bash").stdout)
+
+    def completed(*words: str) -> set[str]:
+        shell = ["bash", "--norc", "-c", IN_BASH, "bash", str(script), "tire-dynamics", *words]
+        done = subprocess.run(shell, cwd=tmp_path, capture_output=True, text=True, timeout=20)
+        assert done.returncode == 0 and done.stderr == "", done.stderr
+        return set(done.stdout.split())
+
+    assert completed("") == set(NAMES)
+    assert completed("rec") == {"recover"}
+    assert completed("-") >= {"--help", "--version"}
+    options = completed("replay", "--")
+    assert options == {
+        option
+        for action in COMMANDS.commands.choices["replay"]._actions
+        for option in action.option_strings
+        if option.startswith("--")
+    }
+    for words in (("info",), ("replay",), ("replay", "input"), ("recover",), ("play",), ("replay", "x", "--config")):
+        assert completed(*words, "inp") == {"input"}, words
+    assert completed("import", "--speed", "comp") == {"completion.sh"}
+    assert completed("map", "--quantity", "st") == {"stability"}
+    assert completed("completion", "") == set(SHELLS)
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_each_shell_reads_its_script(tmp_path, shell):
+    pytest.importorskip("shtab", reason="shtab is not installed")
+    done = command("completion", shell)
+    assert done.returncode == 0 and all(name in done.stdout for name in NAMES)
+    assert str(REPOSITORY) not in done.stdout
+    if shutil.which(shell) is None:
+        pytest.skip(f"there is no {shell} here to read it")
+    (tmp_path / "script").write_text(done.stdout)
+    subprocess.run([shell, "-n", tmp_path / "script"], check=True, timeout=20)
+
+
 # --- progress ---
 
 
-def test_progress_in_a_terminal_and_none_in_a_pipe(tmp_path):
-    bag = write_bag(tmp_path / "input", seconds=12.0)
-    piped = command("replay", bag, "-o", tmp_path / "piped")
-    assert "%" not in piped.stderr and "\r" not in piped.stderr
-    assert len(piped.stderr.splitlines()) <= 1
-
+def shown_on_a_terminal(text: str, *arguments) -> str:
+    """What a piece of Python says on a terminal as its standard error."""
     ours, theirs = pty.openpty()
     process = subprocess.Popen(
-        [*COMMAND, "replay", str(bag), "-o", str(tmp_path / "shown")],
-        env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
+        [sys.executable, "-c", text, *map(str, arguments)],
+        env={**os.environ, "PYTHONPATH": str(REPOSITORY), "TERM": "xterm"},
         stdout=subprocess.PIPE,
         stderr=theirs,
     )
@@ -427,8 +683,62 @@ def test_progress_in_a_terminal_and_none_in_a_pipe(tmp_path):
         pass
     finally:
         os.close(ours)
-        process.communicate(timeout=60)
-    assert process.returncode == 0
-    assert b"%" in shown and b"\r" in shown
-    shares = [int(part.split(b"%")[0]) for part in shown.split(b"replay: ")[1:] if b"%" in part]
-    assert shares == sorted(shares) and shares[-1] <= 100
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and out == b"", shown
+    return shown.decode()
+
+
+# The command, with a bar however short the work is.
+AT_ONCE = """
+import sys
+from tire_dynamics.doors import progress
+progress._AFTER = progress._EVERY = 0.0
+from tire_dynamics.doors.cli import main
+sys.exit(main())
+"""
+WORK = """
+import sys, time
+from tire_dynamics.doors.progress import progress
+for item in progress(range(10), 10, "work", unit="rows", quiet=sys.argv[1:] == ["quiet"]):
+    time.sleep(float(sys.argv[2]) if len(sys.argv) > 2 else 0.1)
+"""
+WITHOUT_RICH = "import sys\nsys.modules['rich'] = None  # as if it could not be found\n"
+
+
+def test_progress_on_a_terminal_and_none_in_a_pipe(tmp_path, bag):
+    piped = command("replay", bag, "-o", tmp_path / "piped")
+    assert "%" not in piped.stderr and "\r" not in piped.stderr and "\x1b" not in piped.stderr
+    assert len(piped.stderr.splitlines()) == 1
+
+    pytest.importorskip("rich", reason="rich is not installed, and without it there is no bar")
+    shown = shown_on_a_terminal(AT_ONCE, "replay", bag, "-o", tmp_path / "out")
+    assert re.search(r"replay .*100%.* 400 messages, [\d.]+ ?[kM]?/s", shown)
+    assert shown.endswith(piped.stderr.replace("piped", "out").replace("\n", "\r\n"))  # the summary comes last
+    assert shown_on_a_terminal(AT_ONCE, "replay", bag, "-o", tmp_path / "out", "--force", "--quiet") == ""
+
+
+def test_the_bar_goes_on_with_the_work():
+    pytest.importorskip("rich", reason="rich is not installed, and without it there is no bar")
+    shown = shown_on_a_terminal(WORK)
+    shares = [int(share) for share in re.findall(r"(\d+)%", shown)]
+    assert len(shares) > 2 and shares == sorted(shares) and shares[-1] == 100
+    assert "10 rows" in shown
+    assert shown_on_a_terminal(WORK, "quiet") == ""
+    assert shown_on_a_terminal(WORK, "short", "0.0") == ""  # over before it could be read
+
+
+def test_without_rich_there_is_no_bar_and_nothing_else_is_missing(tmp_path, bag):
+    assert shown_on_a_terminal(WITHOUT_RICH + WORK) == ""
+    shown = shown_on_a_terminal(WITHOUT_RICH + AT_ONCE, "replay", bag, "-o", tmp_path / "out")
+    assert len(shown.splitlines()) == 1 and "400 messages in" in shown
+
+
+def test_in_a_pipe_rich_is_not_even_imported(tmp_path, bag):
+    text = (
+        "import sys\nfrom tire_dynamics.doors.cli import main\n"
+        f"assert main(['replay', {str(bag)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0\n"
+        f"assert main(['info', {str(bag)!r}]) == 0\n"
+        "assert not {'rich', 'shtab', 'rclpy', 'matplotlib'} & set(sys.modules)\n"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    subprocess.run([sys.executable, "-c", text], env=environment, check=True, capture_output=True, timeout=60)

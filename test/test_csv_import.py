@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics.doors import csv_import
+from tire_dynamics.doors import answer, csv_import
 from tire_dynamics.doors.bag import BagReader
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
@@ -29,6 +29,7 @@ def do_import(tmp_path, monkeypatch):
             (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
         parser = argparse.ArgumentParser(exit_on_error=False)
         csv_import.add_arguments(parser)
+        answer.add_arguments(parser)
         usual = {
             "--speed": "speed.csv",
             "--speed-columns": "left=left right=right",
@@ -235,7 +236,7 @@ def test_rows_that_cannot_be_used_are_left_out_and_counted(do_import, capsys, ro
             "'left' stands twice",
         ),
         (SPEED, LOAD, "--time-column stamp", "'stamp' is not there"),
-        (SPEED, LOAD, "--speed gone.csv", "gone.csv: cannot be read: No such file"),
+        (SPEED, LOAD, "--speed gone.csv", "gone.csv: does not exist"),
         (SPEED, LOAD, "--load .", "cannot be read"),
         (SPEED, LOAD, "--speed-columns left", "'left' is not WHEEL=COLUMN"),
         (SPEED, LOAD, "--speed-columns 1left=left", "'1left=left' is not WHEEL=COLUMN"),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-import argparse
 import csv
 import functools
+import io
+import json
 import subprocess
 import sys
+from contextlib import redirect_stdout
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +18,7 @@ from scipy.integrate import solve_ivp
 
 from tire_dynamics import TireWheelUnit, floquet, ring, wheel
 from tire_dynamics.doors import figures as command
+from tire_dynamics.doors.cli import main
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.figures import FIGURES, tables
 from tire_dynamics.science.modes import RingModes
@@ -374,9 +378,11 @@ def test_paths_of_the_multipliers_do_not_jump():
 def folder(tmp_path_factory):
     """All figures, drawn once by the command."""
     path = tmp_path_factory.mktemp("figures") / "made" / "here"
-    parser = argparse.ArgumentParser()
-    command.add_arguments(parser)
-    assert command.run(parser.parse_args(["-o", str(path)])) == 0
+    with redirect_stdout(io.StringIO()) as said:
+        assert main(["figures", "-o", str(path), "--json"]) == 0
+    answer = json.loads(said.getvalue())
+    assert answer["output"] == str(path) and len(answer["figures"]) == len(FIGURES)
+    assert all(Path(each[kind]).is_file() for each in answer["figures"] for kind in ("picture", "numbers"))
     return path
 
 

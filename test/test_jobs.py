@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import re
 import signal
 import socket
 import subprocess
@@ -159,7 +160,7 @@ def test_an_output_that_exists_is_replaced_only_by_force(drives, tmp_path):
         (["a", "b", "--config", "nowhere.yaml"], "nowhere.yaml: No such file"),
         (["a", "--jobs", "0"], "--jobs is 0; it must be from 1 to 512"),
         (["a", "--jobs", "513"], "--jobs is 513; it must be from 1 to 512"),
-        (["a", "--jobs", "2.0"], "argument --jobs: invalid int value: '2.0'"),
+        (["a", "--jobs", "2.0"], "--jobs is '2.0'; it must be a whole number"),
         (["a", "--jobs", "1", "--scheduler", "localhost:1"], "only one can be given"),
         (["a", "--scheduler", "localhost"], "--scheduler is localhost, where no Dask scheduler answers"),
     ],
@@ -190,11 +191,10 @@ def test_progress_in_a_terminal_and_none_in_a_pipe(drives, tmp_path):
             shown += piece
     os.close(ours)
     assert process.wait(timeout=60) == 0
-    states = [line.removeprefix("\x1b[K").strip() for line in shown.decode().split("\r")]
-    assert [state.partition(",")[0] for state in states if state.startswith("replay:")] == [
-        f"replay: {count} of 2 bags" for count in range(3)
-    ]
-    assert "%" not in shown.decode()  # of single bags
+    pytest.importorskip("rich", reason="rich is not installed, and without it there is no bar")
+    bars = re.findall(r"(\d+)%.*?(\d) bags", shown.decode())  # of all bags, none of single ones
+    assert bars[0] == ("0", "0") and bars[-1] == ("100", "2")
+    assert {count for _, count in bars} <= {"0", "1", "2"} and shown.count(b"replay") > 1
 
 
 def test_interrupting_ends_all_and_leaves_nothing_behind(long, tmp_path):

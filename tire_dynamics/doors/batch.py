@@ -7,17 +7,18 @@ import os
 import shutil
 import sys
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from .answer import answer, printable
 from .bag.writer import check_replaceable, remove_bag
 from .errors import InputError
 from .jobs import Failure, workers
 from .parameters import read_config
-from .replay import replay
+from .progress import Progress
+from .replay import remaps_of, replay
 
 __all__ = ["run"]
 
@@ -29,13 +30,15 @@ class _Task(NamedTuple):
     name: str
     staging: str
     config: str | None
+    remaps: dict[str, str]
 
 
 class _Done(NamedTuple):
     """The bag as it was written, its messages in and out, and what is wrong with the source."""
 
     folder: str
-    messages: int
+    received: int
+    written: int
     damage: str
 
 
@@ -61,12 +64,15 @@ def run(options: argparse.Namespace) -> int:
     outputs = _outputs(options.input, directory, force=options.force)
     if options.config:
         read_config(options.config)  # what is wrong with it is said once
+    remaps = remaps_of(options.remap)
     with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
         config = os.path.abspath(options.config) if options.config else None
-        tasks = [_Task(os.path.abspath(source), output.name, staging, config) for source, output in outputs]
+        tasks = [_Task(os.path.abspath(source), output.name, staging, config, remaps) for source, output in outputs]
         with closing(pool.each(_replay_one, tasks)) as results:
-            done = _collect(results, outputs, force=options.force)
-    print(f"{directory}: {done} of {len(outputs)} bags replayed", file=sys.stderr)
+            bags = _collect(results, outputs, force=options.force, quiet=options.quiet)
+    done = sum(bag["error"] is None for bag in bags)
+    summary = f"{directory}: {done} of {len(outputs)} bags replayed"
+    answer(options, {"output": str(directory), "replayed": done, "failed": len(bags) - done, "bags": bags}, summary)
     return len(outputs) - done
 
 
@@ -114,42 +120,39 @@ def _staging(directory: Path) -> Iterator[str]:
 def _replay_one(task: _Task) -> _Done:
     """Replay into a new folder within the staging; a second attempt, where the first was lost, has another."""
     own = tempfile.mkdtemp(dir=task.staging)
-    summary = replay(task.source, Path(own) / task.name, config=task.config, quiet=True)
-    messages = sum(summary.received.values()) + sum(summary.written.values())
-    return _Done(str(Path(own) / task.name), messages, summary.damage)
+    summary = replay(task.source, Path(own) / task.name, config=task.config, quiet=True, remaps=task.remaps)
+    received, written = (sum(counts.values()) for counts in (summary.received, summary.written))
+    return _Done(str(Path(own) / task.name), received, written, summary.damage)
 
 
 def _collect(
-    results: Iterator[tuple[int, _Done | Failure]], outputs: Sequence[tuple[str, Path]], *, force: bool
-) -> int:
-    """Put whole bags into their places and say what is wrong with the others; the number of the former."""
-    done = messages = 0
-    started = time.monotonic()
-    _show(f"0 of {len(outputs)} bags")
-    for ended, (number, result) in enumerate(results, start=1):
-        source, output = outputs[number]
-        if isinstance(result, _Done):
-            result = _place(result, output, force=force)
-        _show("")
-        if isinstance(result, Failure):
-            reason = result.reason.replace(os.path.abspath(source), source).removeprefix(f"{source}: ")
-            print(f"tire-dynamics: {source}: {reason}", file=sys.stderr)
-        else:
-            done += 1
-            messages += result.messages
-            if result.damage:
-                print(f"{source} is damaged: {result.damage}; what stands before was replayed", file=sys.stderr)
-        rate = messages / max(time.monotonic() - started, 1e-3)
-        _show(f"{ended} of {len(outputs)} bags, {rate:,.0f} messages/s")
-    _show("")
-    return done
-
-
-def _show(state: str) -> None:
-    """One line on a terminal, which replaces the one before."""
-    if sys.stderr.isatty():
-        sys.stderr.write(f"\r\x1b[Kreplay: {state} " if state else "\r\x1b[K")
-        sys.stderr.flush()
+    results: Iterator[tuple[int, _Done | Failure]], outputs: Sequence[tuple[str, Path]], *, force: bool, quiet: bool
+) -> list[dict[str, Any]]:
+    """Put whole bags into their places and say what is wrong with the others; what became of each, in order."""
+    bags: dict[int, dict[str, Any]] = {}
+    messages = 0
+    with Progress(len(outputs), "replay", unit="bags", quiet=quiet, at_once=True) as shown:
+        for number, result in results:
+            source, output = outputs[number]
+            if isinstance(result, _Done):
+                result = _place(result, output, force=force)
+            bag: dict[str, Any] = {"input": source, "output": str(output), "received": 0, "written": 0}
+            if isinstance(result, Failure):
+                reason = result.reason.replace(os.path.abspath(source), source).removeprefix(f"{source}: ")
+                reason = reason.replace(os.path.join(os.getcwd(), ""), "")  # of what stands beside it
+                print(printable(f"tire-dynamics: {source}: {reason}"), file=sys.stderr)
+                bags[number] = {**bag, "output": None, "damage": None, "error": reason}
+            else:
+                messages += result.received + result.written
+                if result.damage:
+                    print(
+                        printable(f"{source} is damaged: {result.damage}; what stands before was replayed"),
+                        file=sys.stderr,
+                    )
+                counts = {"received": result.received, "written": result.written}
+                bags[number] = {**bag, **counts, "damage": result.damage or None, "error": None}
+            shown.advance(1, messages)
+    return [bags[number] for number in sorted(bags)]
 
 
 def _place(result: _Done, output: Path, *, force: bool) -> _Done | Failure:

@@ -17,9 +17,10 @@ from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
-from .errors import InputError
+from .answer import answer, printable
+from .errors import InputError, missing
 from .progress import progress
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options.
+    """Declare the command's options, but for those of ``answer``.
 
     Parameters
     ----------
@@ -92,7 +93,7 @@ def run(options: argparse.Namespace) -> int:
     Parameters
     ----------
     options : argparse.Namespace
-        As ``add_arguments`` declares it.
+        As ``add_arguments`` declares it, and that of ``answer``.
 
     Returns
     -------
@@ -120,15 +121,23 @@ def run(options: argparse.Namespace) -> int:
     }
     _write(options, wheels, speed, load, note)
 
-    for table in (speed, load):
-        for remark in table.remarks():
-            print(remark, file=sys.stderr)
-    print(
+    remarks = [remark for table in (speed, load) for remark in table.remarks()]
+    if options.json or options.quiet:  # else they are part of what is said
+        for remark in remarks:
+            print(printable(remark), file=sys.stderr)
+    answer(
+        options,
+        {
+            "output": options.output,
+            "wheels": wheels,
+            "speed": _account(speed),
+            "load": _account(load),
+            "formulas": note,
+        },
+        *remarks,
         f"{options.output}: {len(wheels)} wheels, {len(speed.times)} speeds {_span(speed)}, "
         f"{len(load.times)} loads {_span(load)}",
         *note.values(),
-        sep="\n",
-        file=sys.stderr,
     )
     return 0
 
@@ -233,6 +242,8 @@ def _read(path: Path, columns: Sequence[str], time_column: str | None, time_unit
         # Names of columns may be in any encoding; the numbers are the same bytes in all of them.
         with open(path, encoding="utf-8-sig", errors="replace", newline="") as file:
             return _parse(path, file, columns, time_column, time_unit)
+    except FileNotFoundError:
+        raise missing(path) from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
     except csv.Error as error:
@@ -327,6 +338,20 @@ def _move_to(start_time: str | None, speed: _Table, load: _Table) -> None:
         raise InputError(f"{speed.path} runs {_span(speed)}, {load.path} {_span(load)}: they have no time in common")
 
 
+def _account(table: _Table) -> dict[str, Any]:
+    """What came of a file."""
+    begin, end = table.times[[0, -1]].tolist()
+    return {
+        "file": str(table.path),
+        "rows": len(table.times),
+        "begin_s": begin / 1e9,
+        "end_s": end / 1e9,
+        "left_out": table.unusable,
+        "first_left_out": table.first_unusable or None,
+        "out_of_order": table.unsorted,
+    }
+
+
 def _span(table: _Table) -> str:
     return f"from {table.times[0] / 1e9:.3f} s to {table.times[-1] / 1e9:.3f} s"
 
@@ -349,7 +374,7 @@ def _write(
     with BagWriter(options.output, force=options.force, aside=True, chunk_size=2**20, metadata=record) as bag:
         speed_topic = bag.add_topic("/joint_states", JOINT_STATE)
         load_topics = [bag.add_topic(f"/{wheel}/load", WRENCH_STAMPED) for wheel in wheels]
-        for row in progress(rows.tolist(), len(rows), "import"):
+        for row in progress(rows.tolist(), len(rows), "import", unit="rows", quiet=options.quiet):
             t = int(times[row])
             if row < len(speeds):
                 bag.write(speed_topic, t, t, joint_states.encode(t, speeds[row].tolist()))

@@ -17,6 +17,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from .errors import InputError
+from .progress import progress
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -82,11 +83,17 @@ class Workers(AbstractContextManager["Workers"], ABC):
         Closing the iterator ends the work.
         """
 
-    def map(self, function: Callable[[Any], Any], items: Iterable[Any]) -> list[Any]:
-        """The results in order, as of the built-in ``map``; ``InputError`` if there is one failure."""
+    def map(
+        self, function: Callable[[Any], Any], items: Iterable[Any], what: str = "", quiet: bool = True
+    ) -> list[Any]:
+        """The results in order, as of the built-in ``map``; ``InputError`` if there is one failure.
+
+        Unless ``quiet`` a terminal shows how many there are of ``what``.
+        """
         results = {}
+        items = list(items)
         with closing(self.each(function, items)) as done:
-            for number, result in done:
+            for number, result in progress(done, len(items), what, quiet=quiet):
                 if isinstance(result, Failure):
                     raise InputError(result.reason)
                 results[number] = result

@@ -8,15 +8,17 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from . import jobs
+from .answer import answer
 from .errors import InputError
+from .progress import progress
 
 if TYPE_CHECKING:
     from ..science.unit import TireWheelUnit
@@ -44,7 +46,7 @@ class MapRequest:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options.
+    """Declare the command's options, but for those of ``answer``.
 
     Parameters
     ----------
@@ -78,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     Parameters
     ----------
     options : argparse.Namespace
-        As ``add_arguments`` declares it.
+        As ``add_arguments`` declares it, and that of ``answer``.
 
     Returns
     -------
@@ -92,14 +94,24 @@ def run(options: argparse.Namespace) -> int:
     """
     picture = _outputs(options.output, force=options.force)[0]
     request = request_of(options)
+
+    def shown(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
+        items = list(items)
+        return map(function, progress(items, len(items), "map", quiet=options.quiet))
+
     if options.jobs is None and options.scheduler is None:
-        arrays = compute(request)
+        arrays = compute(request, shown)
     else:
         with jobs.workers(options.jobs, options.scheduler) as pool:
-            arrays = compute(request, pool.map)
+            arrays = compute(request, partial(pool.map, what="map", quiet=options.quiet))
     write(picture, arrays)
     ny, nx = arrays[_shown(arrays)].shape
-    print(f"{picture}: {nx} x {ny} points, their numbers in {picture.with_suffix('.npz').name}", file=sys.stderr)
+    numbers = picture.with_suffix(".npz")
+    answer(
+        options,
+        {"output": str(picture), "numbers": str(numbers), **_account(arrays)},
+        f"{picture}: {nx} x {ny} points, their numbers in {numbers.name}",
+    )
     return 0
 
 
@@ -214,6 +226,26 @@ def compute(
     return {name: np.asarray(value) for name, value in arrays.items()}
 
 
+def _account(arrays: dict[str, Any]) -> dict[str, Any]:
+    """What the map shows, in few numbers: its axes, how many points have which verdict, and where the boundary is."""
+    values = arrays[_shown(arrays)]
+    account: dict[str, Any] = {
+        axis: {
+            "name": str(arrays[f"{axis}_name"]),
+            "from": float(arrays[axis][0]),
+            "to": float(arrays[axis][-1]),
+            "points": arrays[axis].size,
+        }
+        for axis in "xy"
+    }
+    account |= {"quantity": _shown(arrays), "least": float(values.min()), "most": float(values.max())}
+    if "verdict" in arrays:
+        names = [str(name) for name in arrays["verdicts"]]
+        account["verdicts"] = {name: int((arrays["verdict"] == code).sum()) for code, name in enumerate(names)}
+        account["boundary"] = arrays["boundary"].tolist()
+    return account
+
+
 def _shown(arrays: dict[str, Any]) -> str:
     return "transmissibility" if "transmissibility" in arrays else "spectral_abscissa_1_s"
 
@@ -226,7 +258,7 @@ def _outputs(output: str, *, force: bool) -> tuple[Path, Path]:
     if find_spec("matplotlib") is None:
         raise InputError("maps need matplotlib: pip install 'tire_dynamics[plot]'")
     if not picture.parent.is_dir():
-        raise InputError(f"{picture.parent}: no such folder")
+        raise InputError(f"{picture.parent}: no such folder; make it first, or choose another --output")
     both = picture, picture.with_suffix(".npz")
     for path in both:
         if path.exists() and not force:

@@ -71,7 +71,10 @@ def play(
     try:
         publishers = _publishers(node, reader)
         if not publishers:
-            raise InputError(f"{reader.path}: has no message of a type that this machine knows")
+            raise InputError(
+                f"{reader.path}: has no message of a type that this machine knows; install the packages of its types: "
+                + ", ".join(sorted({kind.partition("/")[0] for kind in reader.topics.values()}))
+            )
         _wait_for_subscribers([publisher for publisher, _ in publishers.values()], wait, stopping)
         count = 0
         while not stopping:

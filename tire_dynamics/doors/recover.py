@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import re
 from collections import Counter
@@ -14,10 +13,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from .answer import answer
 from .bag import BagWriter
 from .bag.salvage import Messages, Salvage
 from .bag.writer import check_replaceable, keep_apart
-from .errors import InputError
+from .errors import InputError, missing
 from .progress import progress
 
 __all__ = ["Account", "recover", "run"]
@@ -66,7 +66,9 @@ class Account:
         return not (self.reasons or self.dropped)
 
 
-def recover(source: str | os.PathLike[str], output: str | os.PathLike[str], *, force: bool = False) -> Account:
+def recover(
+    source: str | os.PathLike[str], output: str | os.PathLike[str], *, force: bool = False, quiet: bool = False
+) -> Account:
     """Make a whole bag of what a truncated or damaged one holds.
 
     Topics, types, QoS and messages are copied as they are, the messages in the order of the files, with nothing
@@ -81,6 +83,8 @@ def recover(source: str | os.PathLike[str], output: str | os.PathLike[str], *, f
         The rosbag2 folder to write, with one file.
     force : bool
         Replace an output that exists and is a bag.
+    quiet : bool
+        Show no progress, not even on a terminal.
 
     Returns
     -------
@@ -98,7 +102,7 @@ def recover(source: str | os.PathLike[str], output: str | os.PathLike[str], *, f
     salvages = [Salvage(path) for path in files]
     account = Account()
     with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
-        recorder = _Recorder(writer, account)
+        recorder = _Recorder(writer, account, quiet)
         for salvage in salvages:
             recorder.copy(salvage)
         recorder.end()
@@ -110,13 +114,13 @@ def recover(source: str | os.PathLike[str], output: str | os.PathLike[str], *, f
 
 def _files(source: Path) -> list[Path]:
     if not source.exists():
-        raise InputError(f"{source}: does not exist")
+        raise missing(source)
     files = [source]
     if source.is_dir():
         found = [path for path in source.iterdir() if path.suffix == ".mcap"]
         files = sorted(found, key=lambda path: [(not part.isdecimal(), part.zfill(20)) for part in _parts(path)])
         if not files:
-            raise InputError(f"{source}: has no .mcap file")
+            raise InputError(f"{source}: has no .mcap file; of a bag in a folder below, name that folder")
     for file in files:
         if not file.is_file():
             raise InputError(f"{file}: is not a file")
@@ -132,8 +136,9 @@ def _parts(path: Path) -> list[str]:
 class _Recorder:
     """Copies files into a bag and keeps the account."""
 
-    def __init__(self, writer: BagWriter, account: Account) -> None:
+    def __init__(self, writer: BagWriter, account: Account, quiet: bool) -> None:
         self._writer = writer
+        self._quiet = quiet
         self._account = account
         self._topics: dict[str, tuple[tuple[str, str], int]] = {}  # to type and encoding, and handle
         self._metadata: list[tuple[str, dict[str, str]]] = []
@@ -148,7 +153,7 @@ class _Recorder:
                 self._metadata.append((name, content))
                 self._writer.add_metadata(name, content)
         handles: list[int] = []  # by the index of what is declared; 0 for what cannot be kept
-        for piece in progress(salvage.pieces(), salvage.count, salvage.path.name):
+        for piece in progress(salvage.pieces(), salvage.count, "recover", unit="chunks", quiet=self._quiet):
             if isinstance(piece, Messages):
                 handles += [self._handle(salvage, index) for index in range(len(handles), len(salvage.declared))]
                 self._write(piece, np.array([*handles, -1]))
@@ -224,10 +229,10 @@ class _Recorder:
 
 def run(options: argparse.Namespace) -> int:
     """Do what the command line asks for, and say on standard output what was kept and what was lost."""
-    account = recover(options.input, options.output, force=options.force)
+    account = recover(options.input, options.output, force=options.force, quiet=options.quiet)
     if options.json:
-        print(json.dumps({"output": os.fspath(options.output), "whole": account.whole, **vars(account)}, indent=2))
-    else:
+        answer(options, {"input": options.input, "output": options.output, "whole": account.whole, **vars(account)})
+    elif not options.quiet:
         for line in _lines(_printable(options.output), account):
             print(line)
     return 0
