@@ -1,0 +1,285 @@
+"""What a report computes from samples, without a bag and without a page.
+
+Times are seconds from the beginning of the drive. The classes take a drive block by block, in bounded memory, and
+give what the whole at once would give.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ...science.spectra import Spectra, Transfer, segment_length
+
+__all__ = [
+    "Envelope",
+    "HeldInput",
+    "Intervals",
+    "Moment",
+    "Moments",
+    "Spectra",
+    "Transfer",
+    "decimate",
+    "gaps",
+    "segment_length",
+]
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int64]
+
+
+# -- decimation ---------------------------------------------------------------------------------------------------
+
+
+def decimate(
+    time: ArrayLike, value: ArrayLike, start: float, end: float, buckets: int
+) -> tuple[FloatArray, FloatArray]:
+    """The lowest and the highest sample of each bucket of time, and the first and the last of all.
+
+    Parameters
+    ----------
+    time : (N,) array_like
+        In any order; those before ``start`` belong to the first bucket, those after ``end`` to the last [s].
+    value : (N,) array_like
+        What is not finite is left out.
+    start, end : float
+        What is divided into buckets [s].
+    buckets : int
+
+    Returns
+    -------
+    time, value : (M,) ndarray
+        Samples as they were given, in order of time; M <= 2 buckets + 2.
+
+    Notes
+    -----
+    To decimate pieces and then what is left of them all gives what decimating all at once gives: an extreme of the
+    whole is one of its piece.
+    """
+    times, values = np.asarray(time, np.float64), np.asarray(value, np.float64)
+    finite = np.isfinite(values)
+    if not finite.all():
+        times, values = times[finite], values[finite]
+    if (times[1:] < times[:-1]).any():
+        order = np.argsort(times, kind="stable")
+        times, values = times[order], values[order]
+    if not times.size:
+        return times.copy(), values.copy()
+    number = np.clip((times - start) * (buckets / max(end - start, 1e-300)), 0, buckets - 1).astype(np.int64)
+    first = np.flatnonzero(np.diff(number, prepend=-1))
+    length = np.diff(first, append=number.size)
+    kept = np.zeros(times.size, np.bool_)
+    kept[[0, -1]] = True
+    for extreme in (np.minimum, np.maximum):
+        reached = np.flatnonzero(values == np.repeat(extreme.reduceat(values, first), length))
+        kept[reached[np.diff(number[reached], prepend=-1) != 0]] = True  # the first of equals
+    return times[kept], values[kept]
+
+
+class Envelope:
+    """A curve over a drive that keeps its peaks: :func:`decimate` of all samples that were added."""
+
+    def __init__(self, start: float, end: float, buckets: int) -> None:
+        self._range = start, end, buckets
+        self._limit = 8 * buckets
+        self._pieces: list[tuple[FloatArray, FloatArray]] = []
+        self._size = 0
+
+    def add(self, time: FloatArray, value: FloatArray) -> None:
+        """Take samples."""
+        self._pieces.append((time, value))
+        self._size += time.size
+        if self._size > self._limit:
+            self._pieces = [self.curve()]
+            self._size = self._pieces[0][0].size
+
+    def curve(self) -> tuple[FloatArray, FloatArray]:
+        """Times and values, in order of time."""
+        if not self._pieces:
+            return np.empty(0), np.empty(0)
+        times, values = (np.concatenate(column) for column in zip(*self._pieces, strict=True))
+        return decimate(times, values, *self._range)
+
+
+def gaps(time: ArrayLike, longest: float) -> FloatArray:
+    """Pairs of neighbouring times, shape (K, 2), that lie more than ``longest`` apart."""
+    times = np.asarray(time, np.float64)
+    wide = np.flatnonzero(np.diff(times) > longest)
+    return np.stack([times[wide], times[wide + 1]], axis=1)
+
+
+# -- numbers ------------------------------------------------------------------------------------------------------
+
+
+class Moments:
+    """Count, mean, extremes and root mean square of the samples that were added."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.mean = 0.0
+        self.low, self.high = math.inf, -math.inf
+        self._squares = 0.0  # about the mean
+
+    def add(self, value: FloatArray) -> None:
+        """Take samples; each has the same weight."""
+        if not value.size:
+            return
+        mean = float(value.mean())
+        count = self.count + value.size
+        shift = mean - self.mean
+        # of two sets: Chan, Golub and LeVeque, The American Statistician 37 (1983), 242-247
+        self._squares += float(((value - mean) ** 2).sum()) + shift * shift * self.count * value.size / count
+        self.mean += shift * value.size / count
+        self.count = count
+        self.low, self.high = min(self.low, float(value.min())), max(self.high, float(value.max()))
+
+    @property
+    def rms(self) -> float:
+        """About zero."""
+        return math.hypot(self.mean, self.deviation)
+
+    @property
+    def deviation(self) -> float:
+        """Root mean square about the mean."""
+        return math.sqrt(self._squares / self.count) if self.count else 0.0
+
+    @property
+    def peak(self) -> float:
+        """The value furthest from zero."""
+        if not self.count:
+            return 0.0
+        return self.high if abs(self.high) >= abs(self.low) else self.low
+
+
+class Intervals:
+    """Times between samples: their quantiles to 1 %, exactly if they are all the same."""
+
+    PER_DECADE = 200
+    DECADES = (-7, 5)  # [s], powers of ten; what is shorter or longer goes to the outermost bin
+
+    def __init__(self) -> None:
+        bins = self.PER_DECADE * (self.DECADES[1] - self.DECADES[0])
+        self._count, self._sum = np.zeros(bins), np.zeros(bins)
+        self.longest = 0.0
+
+    def add(self, interval: FloatArray) -> None:
+        """Take intervals [s]; those that are not positive are left out."""
+        interval = interval[interval > 0.0]
+        if interval.size:
+            place = np.floor((np.log10(interval) - self.DECADES[0]) * self.PER_DECADE)
+            place = np.clip(place, 0, self._count.size - 1).astype(np.int64)
+            self._count += np.bincount(place, minlength=self._count.size)
+            self._sum += np.bincount(place, interval, minlength=self._count.size)
+            self.longest = max(self.longest, float(interval.max()))
+
+    def quantile(self, share: float) -> float:
+        """The interval than which a share of all are shorter [s]; NaN of none."""
+        total = np.cumsum(self._count)
+        if not total[-1]:
+            return math.nan
+        place = int(np.searchsorted(total, share * total[-1]))
+        return float(self._sum[place] / self._count[place])
+
+
+# -- the load that acts -------------------------------------------------------------------------------------------
+
+
+class HeldInput:
+    """An input that is held from one sample to the next, and its mean over the time between two ticks."""
+
+    def __init__(self) -> None:
+        self._time, self._value = np.empty(0), np.empty(0)
+        self._tick: float | None = None
+
+    def mean(self, time: FloatArray, value: FloatArray, tick: FloatArray) -> FloatArray:
+        """Means of the input between ticks.
+
+        Parameters
+        ----------
+        time : (N,) ndarray
+            From when on each sample acts [s].
+        value : (N,) ndarray
+        tick : (T,) ndarray
+            Ascending times [s], after which no sample comes to act before them.
+
+        Returns
+        -------
+        (T,) ndarray
+            Each over the time that ends with the tick; NaN if some of that time has no input, or there is none.
+        """
+        times, values = np.concatenate([self._time, time]), np.concatenate([self._value, value])
+        if (times[1:] < times[:-1]).any():
+            order = np.argsort(times, kind="stable")
+            times, values = times[order], values[order]
+        if not tick.size or not times.size:
+            self._time, self._value = times, values
+            self._tick = float(tick[-1]) if tick.size else self._tick
+            return np.full(tick.size, math.nan)
+        edges = np.concatenate([[math.nan if self._tick is None else self._tick], tick])
+        integral = np.concatenate([[0.0], np.cumsum(np.diff(times) * values[:-1])])
+        place = np.searchsorted(times, edges, side="right") - 1
+        known = (place >= 0) & np.isfinite(edges)
+        until = np.where(known, integral[place] + (edges - times[place]) * values[place], math.nan)
+        length = np.diff(edges)
+        mean = np.divide(np.diff(until), length, out=np.full(tick.size, math.nan), where=length > 0.0)
+        kept = max(int(place[-1]), 0)
+        self._time, self._value, self._tick = times[kept:], values[kept:], float(tick[-1])
+        return mean
+
+
+# -- the moment of the highest load -------------------------------------------------------------------------------
+
+Curve = tuple[FloatArray, NDArray[Any]]
+
+
+class Moment:
+    """Every sample of several curves around the highest value of the first, of a drive that comes in blocks.
+
+    Parameters
+    ----------
+    before, after : float
+        How much to keep on either side [s].
+    kinds : sequence of dtype
+        Of the values of each curve; ``object`` for what is not a number.
+    """
+
+    def __init__(self, before: float, after: float, kinds: Sequence[Any]) -> None:
+        self._before, self._after = before, after
+        self.peak, self.time = -math.inf, math.nan
+        self._recent: list[Curve] = [(np.empty(0), np.empty(0, kind)) for kind in kinds]
+        self._kept = list(self._recent)
+
+    def add(self, *curves: Curve) -> None:
+        """Take a block: times and values of each curve."""
+        time, value = curves[0]
+        place = int(np.argmax(value)) if time.size else 0
+        if time.size and value[place] > self.peak:
+            self.peak, self.time = float(value[place]), float(time[place])
+            self._kept = [self._around(_joined(old, new)) for old, new in zip(self._recent, curves, strict=True)]
+        else:
+            self._kept = [_joined(old, self._around(new)) for old, new in zip(self._kept, curves, strict=True)]
+        latest = max((float(time[-1]) for time, _ in curves if time.size), default=math.inf)
+        self._recent = [
+            _between(_joined(old, new), latest - 2.0 * self._before, math.inf)
+            for old, new in zip(self._recent, curves, strict=True)
+        ]
+
+    def _around(self, curve: Curve) -> Curve:
+        return _between(curve, self.time - self._before, self.time + self._after)
+
+    def curves(self) -> list[Curve]:
+        """The curves around :attr:`time`, where the first has its highest value :attr:`peak`."""
+        return self._kept
+
+
+def _joined(one: Curve, other: Curve) -> Curve:
+    return np.concatenate([one[0], other[0]]), np.concatenate([one[1], other[1]])
+
+
+def _between(curve: Curve, first: float, last: float) -> Curve:
+    inside = (curve[0] >= first) & (curve[0] <= last)
+    return curve[0][inside], curve[1][inside]
