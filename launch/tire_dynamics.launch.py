@@ -1,4 +1,8 @@
-"""Start the live node with a parameter file: ``ros2 launch tire_dynamics tire_dynamics.launch.py``."""
+"""Start the live node for a car: ``ros2 launch tire_dynamics tire_dynamics.launch.py``; ``-s`` lists the arguments.
+
+An argument that is left empty leaves the parameter file's value alone. Names and topics may hold ``{wheel}``, which
+stands for each wheel's name: ``load_topic:='/{wheel}_ft_broadcaster/wrench'``.
+"""
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, OpaqueFunction
@@ -6,46 +10,107 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.substitutions import FindPackageShare
 
+NAMES = {
+    "wheels": "wheels, comma between them: front_left,front_right,...",
+    "joint_names": "joints in joint_states, in the order of the wheels; one with {wheel} is for all",
+    "frame_ids": "frames of the outputs, in the order of the wheels; one with {wheel} is for all",
+}
+TOPICS = {
+    "load_topic": ("load", "wheel loads as WrenchStamped: a topic with {wheel}"),
+    "load_force_topic": ("load_force", "wheel loads as Float64: a topic with {wheel}"),
+    "wheel_speed_topic": ("wheel_speed", "wheel speeds as Float64: a topic with {wheel}"),
+}
+SWITCHES = {
+    "use_sim_time": "take time from /clock",
+    "autostart": "start at once; false: wait for a lifecycle manager",
+}
+TEXTS = {
+    "log_directory": ("log.directory", "where to write the log"),
+    "tf_parent_frame": ("tf.parent_frame", "frame of which the axles' frames are children in TF, such as base_link"),
+}
+
 
 def start_node(context):
-    """The node; an argument left empty leaves the parameter file's value alone."""
-    use_sim_time = LaunchConfiguration("use_sim_time").perform(context)
-    log_directory = LaunchConfiguration("log_directory").perform(context)
+    """The node with the parameters and remappings that the arguments ask for."""
+
+    def given(name):
+        return LaunchConfiguration(name).perform(context).strip()
+
+    def names(name):
+        return [item.strip() for item in given(name).strip("[]").split(",") if item.strip()]
+
+    params_file = given("params_file")
+    wheels = names("wheels")
+    if not wheels and "{wheel}" in "".join(map(given, [*NAMES, *TOPICS])):
+        from tire_dynamics.doors.parameters import read_config
+
+        wheels = read_config(params_file).get("wheels", ["wheel"])
+
     overrides = {}
-    if use_sim_time:
-        overrides["use_sim_time"] = use_sim_time == "true"
-    if log_directory:
-        overrides["log.directory"] = log_directory
+    for name in NAMES:
+        items = names(name)
+        if len(items) == 1 and "{wheel}" in items[0]:
+            items = [items[0].replace("{wheel}", wheel) for wheel in wheels]
+        if items:
+            overrides[name] = items
+    for name in SWITCHES:
+        if given(name):
+            overrides[name] = given(name) == "true"
+    for name, (parameter, _) in TEXTS.items():
+        if given(name):
+            overrides[parameter] = given(name)
+
+    remappings = []
+    if given("joint_states_topic"):
+        remappings.append(("joint_states", given("joint_states_topic")))
+    for name, (topic, _) in TOPICS.items():
+        pattern = given(name)
+        if pattern and "{wheel}" not in pattern:
+            raise ValueError(f"{name} is {pattern!r}; it must hold {{wheel}}: each wheel has a topic of its own")
+        if pattern:
+            remappings += [(f"{wheel}/{topic}", pattern.replace("{wheel}", wheel)) for wheel in wheels]
+
     return [
         Node(
             package="tire_dynamics",
             executable="node",
-            name=LaunchConfiguration("name"),
-            namespace=LaunchConfiguration("namespace"),
-            parameters=[LaunchConfiguration("params_file"), overrides],
+            name=given("name"),
+            namespace=given("namespace"),
+            parameters=[params_file, overrides] if overrides else [params_file],
+            remappings=remappings,
             output="screen",
         )
     ]
 
 
 def generate_launch_description():
-    """Declare the arguments (``ros2 launch -s`` lists them) and start the node."""
+    """Declare the arguments and start the node."""
     vehicle = PathJoinSubstitution([FindPackageShare("tire_dynamics"), "config", "vehicle.yaml"])
+    as_in_file = "; empty: as the parameter file says"
+    texts = {name: description for name, (_, description) in TEXTS.items()}
+    topics = {name: description for name, (_, description) in TOPICS.items()}
+    topics = {"joint_states_topic": "wheel speeds as JointState", **topics}
     return LaunchDescription(
         [
             DeclareLaunchArgument("params_file", default_value=vehicle, description="ROS 2 parameter file"),
             DeclareLaunchArgument("name", default_value="tire_dynamics", description="name of the node"),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of node and topics"),
-            DeclareLaunchArgument(
-                "use_sim_time",
-                default_value="",
-                choices=["", "true", "false"],
-                description="take time from /clock; empty: as the parameter file says",
+            *(
+                DeclareLaunchArgument(name, default_value="", description=f"{description}{as_in_file}")
+                for name, description in {**NAMES, **texts}.items()
             ),
-            DeclareLaunchArgument(
-                "log_directory",
-                default_value="",
-                description="where to write the log; empty: as the parameter file says",
+            *(
+                DeclareLaunchArgument(name, default_value="", description=f"{description}; empty: the node's own name")
+                for name, description in topics.items()
+            ),
+            *(
+                DeclareLaunchArgument(
+                    name,
+                    default_value="",
+                    choices=["", "true", "false"],
+                    description=f"{description}{as_in_file}",
+                )
+                for name, description in SWITCHES.items()
             ),
             OpaqueFunction(function=start_node),
         ]

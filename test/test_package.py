@@ -39,8 +39,11 @@ def setup_arguments(*commands: str) -> dict:
 SETUP = setup_arguments("bdist_wheel")
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
 
-# The rosdep key that installs each distribution of the package index, where it is not python3-<name>.
+# The rosdep key that installs each distribution of the package index, where it is not python3-<name>. Looked up in
+# ros/rosdistro, rosdep/python.yaml, and the pull requests that added keys there: mcap-ros2-support (36081),
+# python3-rosbags-pip (37795), python3-rich (43386). Plotly has none (53994 is open): nothing here may need it.
 ROSDEP_KEYS = {
+    "catkin_pkg": "python3-catkin-pkg-modules",
     "pyyaml": "python3-yaml",
     "mcap": "mcap-ros2-support",
     "lz4": "mcap-ros2-support",
@@ -73,6 +76,96 @@ def test_the_package_is_what_they_say():
     assert licence.split()[:4] == ["Apache", "License", "Version", "2.0,"]
 
 
+# -- package.xml against its schema: package_format3.xsd is not on the package index --
+
+# The schema's sequence: of each element how many there may be, and its attributes; (needed, possible).
+MANY = 1000
+DEPENDENCY = (set(), {"condition", *(f"version_{relation}" for relation in ("lt", "lte", "eq", "gte", "gt"))})
+SEQUENCE = {
+    "name": (1, 1, (set(), set())),
+    "version": (1, 1, (set(), {"compatibility"})),
+    "description": (1, 1, (set(), set())),
+    "maintainer": (1, MANY, ({"email"}, set())),
+    "license": (1, MANY, (set(), {"file"})),
+    "url": (0, MANY, (set(), {"type"})),
+    "author": (0, MANY, (set(), {"email"})),
+    "depend": (0, MANY, DEPENDENCY),  # stands for all of DEPENDENCIES, in any order
+    "export": (0, 1, (set(), set())),
+}
+DEPENDENCIES = {
+    *("build_depend", "build_export_depend", "buildtool_depend", "buildtool_export_depend", "conflict", "depend"),
+    *("doc_depend", "exec_depend", "group_depend", "member_of_group", "replace", "test_depend"),
+}
+
+
+def breaches(text: str) -> list[str]:
+    """What in a package.xml breaks the rules of format 3: REP 149's reader and its warnings, and the schema's order."""
+    from catkin_pkg.package import InvalidPackage, parse_package_string
+
+    found: list[str] = []
+    try:
+        parse_package_string(text, warnings=found)
+    except InvalidPackage as error:
+        found.append(str(error))
+    root = ElementTree.fromstring(text)
+    if (root.tag, root.attrib) != ("package", {"format": "3"}):
+        found.append(f"the root is {root.tag} {root.attrib}")
+    kinds = ["depend" if child.tag in DEPENDENCIES else child.tag for child in root]
+    found += [f"{kind} is unknown" for kind in kinds if kind not in SEQUENCE]
+    places = [list(SEQUENCE).index(kind) for kind in kinds if kind in SEQUENCE]
+    if places != sorted(places):
+        found.append(f"order: {kinds}")
+    for kind, (least, most, (needed, possible)) in SEQUENCE.items():
+        elements = [child for child, its in zip(root, kinds, strict=True) if its == kind]
+        if not least <= len(elements) <= most:
+            found.append(f"{len(elements)} times {kind}")
+        for element in elements:
+            if not needed <= set(element.attrib) <= needed | possible:
+                found.append(f"{element.tag} has the attributes {set(element.attrib)}")
+            if len(element) and kind not in ("description", "export"):
+                found.append(f"{element.tag} has children")
+            if kind != "export" and not (element.text or "").strip():
+                found.append(f"{element.tag} is empty")
+    return found
+
+
+PACKAGE_TEXT = (ROOT / "package.xml").read_text(encoding="utf-8")
+
+
+def test_package_xml_is_valid():
+    """An invalid one is no error for colcon: it builds the folder as plain Python, and ros2 finds nothing."""
+    assert breaches(PACKAGE_TEXT) == []
+    assert 'href="http://download.ros.org/schema/package_format3.xsd"' in PACKAGE_TEXT
+
+
+@pytest.mark.parametrize(
+    ("good", "bad"),
+    [
+        ('format="3"', 'format="2"'),
+        ("<name>tire_dynamics</name>", ""),
+        ("<name>tire_dynamics</name>", "<name>Tire Dynamics</name>"),
+        ("<name>tire_dynamics</name>", "<name>TireDynamics</name>"),  # a warning
+        ("<version>0.1.0</version>", "<version>0.1</version>"),
+        ("<version>0.1.0</version>", "<version>0.1.0</version><version>0.1.0</version>"),
+        (' email="maintainers@tire-dynamics.example"', ""),
+        ('<license file="LICENSE">', '<license path="LICENSE">'),
+        ("<license file", "<author>somebody</author><license file"),  # known, but not there
+        ("<exec_depend>rclpy</exec_depend>", "<run_depend>rclpy</run_depend>"),
+        ("<exec_depend>rclpy</exec_depend>", "<exec_depend>tire_dynamics</exec_depend>"),
+        ("<exec_depend>rclpy</exec_depend>", '<exec_depend version="1">rclpy</exec_depend>'),
+        ("<exec_depend>rclpy</exec_depend>", "<exec_depend/>"),
+        ("</export>", "</export><exec_depend>rclcpp</exec_depend>"),
+        ("</export>", "</export><export/>"),
+    ],
+)
+def test_a_package_xml_of_another_form_would_be_noticed(good, bad):
+    assert good in PACKAGE_TEXT
+    assert breaches(PACKAGE_TEXT.replace(good, bad, 1)) != []
+
+
+# -- dependencies --
+
+
 def test_rosdep_installs_what_pip_installs():
     python_keys = rosdep_keys(SETUP["install_requires"] + SETUP["extras_require"]["plot"])
     assert python_keys <= declared("exec_depend")
@@ -93,7 +186,8 @@ def test_every_package_that_the_code_uses_is_declared():
             elif isinstance(node, ast.Constant) and re.fullmatch(r"\w+/(msg|srv)/\w+", str(node.value)):
                 messages.add(node.value.split("/")[0])
     imported -= {"tire_dynamics", *sys.stdlib_module_names}
-    optional = [*SETUP["extras_require"]["fast"], *SETUP["extras_require"].get("cluster", [])]
+    extras = {name: found for name, found in SETUP["extras_require"].items() if name not in ("ros", "plot")}
+    optional = [requirement for requirements in extras.values() for requirement in requirements]
     imported -= {re.split(r"[^a-z]", requirement)[0] for requirement in optional}  # nobody needs these
     assert {"launch", "numpy", "yaml"} <= imported and "geometry_msgs" in messages, "the search is broken"
     keys = {name: {name, f"python3-{name}", ROSDEP_KEYS.get(name, name)} for name in imported | messages}
@@ -110,14 +204,14 @@ def test_what_ros_looks_up_is_installed_where_it_looks():
     data_files = SETUP["data_files"]
     installed = {f"{folder}/{Path(file).name}": file for folder, files in data_files for file in files}
     name = PACKAGE_XML.findtext("name")
+    config = {file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file()}
+    assert {Path("config/vehicle.yaml"), Path("config/sros2/tire_dynamics.policy.xml")} <= config
     assert {
-        f"share/ament_index/resource_index/packages/{name}",
-        f"share/{name}/package.xml",
-        f"share/{name}/config/table_1.yaml",
-        f"share/{name}/config/sros2/tire_dynamics.policy.xml",
-        f"share/{name}/config/vehicle.yaml",
-        f"share/{name}/launch/tire_dynamics.launch.py",
-    } == set(installed)
+        f"share/ament_index/resource_index/packages/{name}": f"resource/{name}",
+        f"share/{name}/package.xml": "package.xml",
+        f"share/{name}/launch/tire_dynamics.launch.py": "launch/tire_dynamics.launch.py",
+        **{f"share/{name}/{file}": str(file) for file in config},
+    } == installed
     assert all((ROOT / file).is_file() for file in installed.values())
 
 
@@ -136,46 +230,6 @@ def test_colcon_makes_the_executables_of_ros2_run_and_pip_leaves_the_name_node_t
 def test_a_script_starts_a_function_that_exists(script):
     module, function = scripts("install")[script].split(":")
     assert callable(getattr(import_module(module), function))
-
-
-# -- the launch file: ROS's launch is not on the package index, so that the file is read here and not run --
-
-LAUNCH = ast.parse((ROOT / "launch" / "tire_dynamics.launch.py").read_text(encoding="utf-8"))
-
-
-def launch_calls(name: str) -> list[ast.Call]:
-    calls = [node for node in ast.walk(LAUNCH) if isinstance(node, ast.Call)]
-    return [call for call in calls if isinstance(call.func, ast.Name) and call.func.id == name]
-
-
-def test_launch_starts_the_executable_of_this_package():
-    [node] = launch_calls("Node")
-    given = {keyword.arg: keyword.value for keyword in node.keywords}
-    assert ast.literal_eval(given["package"]) == PACKAGE_XML.findtext("name")
-    assert ast.literal_eval(given["executable"]) in scripts("install")
-
-
-def test_launch_uses_the_arguments_that_it_declares():
-    names = {
-        name: {ast.literal_eval(call.args[0]) for call in launch_calls(name)}
-        for name in ("DeclareLaunchArgument", "LaunchConfiguration")
-    }
-    arguments = {"params_file", "name", "namespace", "use_sim_time", "log_directory"}
-    assert names == {"DeclareLaunchArgument": arguments, "LaunchConfiguration": arguments}
-
-
-def test_launch_finds_its_default_parameter_file():
-    [path] = launch_calls("PathJoinSubstitution")
-    share, *parts = path.args[0].elts
-    assert ast.literal_eval(share.args[0]) == PACKAGE_XML.findtext("name")
-    assert (ROOT / Path(*map(ast.literal_eval, parts))).is_file()
-
-
-def test_launch_sets_parameters_that_the_node_has():
-    targets = [target for node in ast.walk(LAUNCH) if isinstance(node, ast.Assign) for target in node.targets]
-    names = {ast.literal_eval(target.slice) for target in targets if isinstance(target, ast.Subscript)}
-    assert names == {"use_sim_time", "log.directory"}
-    assert "log.directory" in {parameter.name for parameter in PARAMETERS}  # use_sim_time is rclpy's own
 
 
 # -- the configurations --
@@ -208,9 +262,33 @@ def test_vehicle_yaml_holds_parameters_of_the_node():
     assert accepted["wheels"] == tuple(VEHICLE["wheels"])
 
 
-def test_vehicle_yaml_is_table_1_but_for_the_damping_of_a_car():
-    tire = {name.removeprefix("tire."): value for name, value in VEHICLE.items() if name.startswith("tire.")}
-    assert tire == dataclasses.asdict(TireWheelUnit.table_1(zeta_s=0.3, sidewall_damping="reaction"))
+def test_vehicle_yaml_shows_every_parameter():
+    assert set(VEHICLE) == {parameter.name for parameter in PARAMETERS}
+
+
+def test_vehicle_yaml_is_the_defaults_but_for_what_a_car_has():
+    defaults = complete({})
+    differs = {name for name, value in complete(VEHICLE).items() if value != defaults[name]}
+    of_the_car = {"wheels", "joint_names", "frame_ids", "tf.positions", "tire.zeta_s", "tire.sidewall_damping"}
+    assert differs == of_the_car
+
+
+def test_every_parameter_of_vehicle_yaml_is_explained():
+    """On its line or right above it, and with a unit wherever it is a number."""
+    above, explained = "", set()
+    for line in (ROOT / "config" / "vehicle.yaml").read_text(encoding="utf-8").splitlines():
+        setting = re.match(r" +(\w+): *([^#]*[^# ])? *(#.*)?$", line)
+        if setting is None:
+            above = f"{above} {line.strip()}" if line.lstrip().startswith("#") else ""
+            continue
+        name, value, comment = setting.groups()
+        if value is None and comment is None:  # a group
+            continue
+        said = f"{above} {comment or ''}"
+        if re.search("[A-Za-z]{4}", said) and (not re.match(r"\[?-?[\d.]", value or "") or "[" in said):
+            explained.add(name)
+        above = ""
+    assert [name for name in VEHICLE if name.split(".")[-1] not in explained] == []
 
 
 def test_vehicle_yaml_has_four_wheels_with_a_joint_and_a_frame_each():
@@ -218,6 +296,10 @@ def test_vehicle_yaml_has_four_wheels_with_a_joint_and_a_frame_each():
     assert wheels == ["front_left", "front_right", "rear_left", "rear_right"]
     assert len(set(VEHICLE["joint_names"])) == 4
     assert VEHICLE["frame_ids"] == [f"{wheel}_axle" for wheel in wheels]
+    x, y, z = (VEHICLE["tf.positions"][first::3] for first in range(3))
+    assert x[0] == x[1] > x[2] == x[3] == 0.0, "base_link is on the ground below the middle of the rear axle"
+    assert y[0] == y[2] == -y[1] == -y[3] > 0.0, "left is positive"
+    assert set(z) == {VEHICLE["tire.radius"]}
 
 
 def test_ros_reads_vehicle_yaml_as_it_is_meant(ros_domain):
@@ -237,3 +319,46 @@ def test_ros_reads_vehicle_yaml_as_it_is_meant(ros_domain):
     assert [(name, type(value), value) for name, value in read.items()] == [
         (name, type(value), value) for name, value in VEHICLE.items()
     ]
+
+
+# -- the documents --
+
+DOCUMENTS = sorted((ROOT / "docs").glob("*.md"))
+
+
+def named_tests(document: Path) -> list[tuple[str, list[str]]]:
+    """Test files that a document names, each with what it names of it: `test_node`: by_name, once_a_second."""
+    found = re.findall(r"`(test_\w+)`(?:: ((?:\w+_\w+)(?:, \w+_\w+)*))?", document.read_text(encoding="utf-8"))
+    return [(file, [part.strip() for part in parts.split(",")] if parts else []) for file, parts in found]
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda document: document.stem)
+def test_the_tests_that_a_document_names_exist(document):
+    missing = []
+    for file, parts in named_tests(document):
+        texts = [path.read_text(encoding="utf-8") for path in (ROOT / "test").rglob(f"{file}.py")]
+        names = re.findall(r"^def (test_\w+)", "".join(texts), re.M)
+        missing += [f"{file}: {part}" for part in parts or ["test_"] if not any(part in name for name in names)]
+    assert missing == []
+
+
+def test_documents_do_name_tests():
+    named = {document.stem: named_tests(document) for document in DOCUMENTS}
+    assert all(named[name] for name in ("integration", "reliability", "validation")), "the search is broken"
+    assert sum(len(parts) for _, parts in named["integration"]) > 10
+
+
+def test_every_convention_has_a_test():
+    """The table of docs/integration.md: a row for each, and in its last column a test by name."""
+    rows = re.findall(r"^\| (.*) \|$", (ROOT / "docs" / "integration.md").read_text(encoding="utf-8"), re.M)
+    table = {row.split(" | ")[0]: row.split(" | ")[-1] for row in rows}
+    conventions = ["REP 103", "REP 105", "REP 107", "REP 149", "REP 2003", "rosbag2", "Foxglove", "MF-Tyre"]
+    for convention in conventions:
+        tests = [last for first, last in table.items() if first.startswith(convention)]
+        assert tests and all(re.search(r"`test_\w+`: \w+", last) for last in tests), convention
+
+
+@pytest.mark.parametrize("document", [ROOT / "README.md", *DOCUMENTS], ids=lambda document: document.stem)
+def test_the_links_of_a_document_lead_somewhere(document):
+    links = re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", document.read_text(encoding="utf-8"))
+    assert [link for link in links if not (document.parent / link).exists()] == []
