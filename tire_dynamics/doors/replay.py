@@ -196,7 +196,8 @@ def _run(
             if writing is not None:
                 writing.result()
             writing = pool.submit(_write, writer, handles, log_time, published, stretch, produced)
-            received.update(stretch.topics[number] for number in stretch.topic.tolist())
+            counts = np.bincount(stretch.topic, minlength=len(stretch.topics)).tolist()
+            received.update(dict(zip(stretch.topics, counts, strict=True)))
             written.update(produced.topic)
         if writing is not None:
             writing.result()
