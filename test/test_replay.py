@@ -440,7 +440,8 @@ def test_interrupting_leaves_nothing_behind(tmp_path):
     finally:
         process.kill()
         process.wait()
-    assert process.returncode == 128 + signal.SIGINT, said
+    # Where the signal met code that C called, Python ends by it after all; a shell calls both 130.
+    assert process.returncode in (128 + signal.SIGINT, -signal.SIGINT), said
     assert "Traceback" not in said
     assert [path.name for path in tmp_path.iterdir()] == ["in"]
 
