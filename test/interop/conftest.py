@@ -35,6 +35,8 @@ def run(request, runs, ros_domain, tmp_path_factory) -> Run:
 def read_log():
     """Reads MCAP files with Foxglove's readers under Node.js; what ``read_log.cjs`` says of each."""
     folder = Path(sys.prefix) / "interop"
+    if not (folder / "node_modules" / "@mcap" / "core").is_dir():
+        pytest.skip("Foxglove's readers are not there: npm could not install them; `make interop` tries it again")
     node = shutil.which("node", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
 
     def read(*files: Path) -> list[dict[str, Any]]:
