@@ -21,6 +21,7 @@ from tire_dynamics.doors import figures as command
 from tire_dynamics.doors.cli import main
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.figures import FIGURES, tables
+from tire_dynamics.science import nonuniform
 from tire_dynamics.science.modes import RingModes
 
 RPM = np.pi / 30.0
@@ -369,6 +370,40 @@ def test_paths_of_the_multipliers_do_not_jump():
     for mode in tables.WHEEL_MODES:
         path = columns[f"{mode}_real"] + 1j * columns[f"{mode}_imag"]
         assert np.abs(np.diff(path)).max() < 0.1  # 10 rpm at 2000 rpm turn omega T = 20 rad by 0.1 rad
+
+
+# -- tongues --
+
+
+def test_tongues_are_those_of_floquet_analysis():
+    """Points on the slopes and beside them, by the slow path; half a turn is a period in the fixed frame."""
+    speed = table("tongues")["speed_rpm"]
+    for zeta, eps, rpm in ((0.0, tables.TONGUE_EPS[15], 4725), (0.0, tables.TONGUE_EPS[30], 6300), (0.02, 0.2, 5450)):
+        row = int(np.argmin(np.abs(speed - rpm)))
+        unit, omega = UNIT.replace(zeta_1=zeta, zeta_s=zeta), float(speed[row] * RPM)
+
+        def matrix(t, unit=unit, eps=eps, omega=omega):
+            return nonuniform.fixed_frame_matrix(unit, tables.sidewall(eps), omega, omega * t)
+
+        radius = floquet.analyze(matrix, np.pi / omega).spectral_radius ** 2
+        assert radius > 1.02
+        column = table("tongues")[f"spectral_radius_zeta_{zeta}_eps_{eps:.4f}"]
+        assert column[row] == pytest.approx(radius, rel=1e-9)
+
+
+def test_tongues_begin_where_they_are_drawn_to():
+    """The least eps at which a point beside a tip is unstable; the tongue may hide between two speeds, 25 rpm apart."""
+    speed = table("tongues")["speed_rpm"]
+    step = tables.TONGUE_EPS[1]
+    for zeta in tables.TONGUE_ZETA:
+        radius = np.array([table("tongues")[f"spectral_radius_zeta_{zeta}_eps_{eps:.4f}"] for eps in tables.TONGUE_EPS])
+        tips = [tip for tip in tables.tongue_unit(zeta)[1] if tip.growth > 10.0 and tip.threshold < 0.2]
+        assert [round(tip.speed / RPM) for tip in tips] == [4711, 5406, 6100]
+        for tip in tips:
+            near = np.abs(speed - tip.speed / RPM) < 150.0
+            first = np.array(tables.TONGUE_EPS)[(radius[:, near] > 1.0 + 1e-6).any(axis=1)].min()
+            hidden = np.hypot(tip.threshold, 12.5 * RPM / tip.growth)  # as wide as that it is at this eps
+            assert 0.98 * tip.threshold < first < 1.02 * hidden + step  # 2 %: the next order in eps
 
 
 # -- files --

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ...science.nonuniform import Tip
 from ...science.unit import MODAL, REACTION, TireWheelUnit
 from .tables import (
     BELT_MODELS,
@@ -25,12 +26,15 @@ from .tables import (
     FIG7_ZETA_S,
     RPM,
     SIDES,
+    TONGUE_EPS,
+    TONGUE_ZETA,
     WAVES,
     WHEEL_MODELS,
     WHEEL_MODES,
     FloatArray,
     Table,
     hybrid_critical_speed,
+    tongue_unit,
 )
 
 T = TypeVar("T")  # a table, or what else is drawn
@@ -290,6 +294,40 @@ def multipliers(table: Table) -> Figure:
     modulus.set(xlabel="Speed [rpm]", ylabel=r"Modulus $|\mu|$ [-]")
     modulus.legend(loc="lower center", bbox_to_anchor=(0.5, 0.0))
     return figure
+
+
+def tongues(table: Table) -> Figure:
+    """Spectral radius over speed and non-uniformity, and where it was predicted to leave 1."""
+    figure, axes = _panels(len(TONGUE_ZETA), 1, 5.4, sharex=True)
+    speed, eps = table["speed_rpm"], np.array(TONGUE_EPS)
+    levels = np.linspace(1.0, 1.3, 16)
+    levels[0] = 1.01  # nearer to 1 the points of the grid would show
+    for ax, zeta in zip(axes.flat, TONGUE_ZETA, strict=True):
+        radius = np.array([table[f"spectral_radius_zeta_{zeta}_eps_{value:.4f}"] for value in TONGUE_EPS])
+        shade = ax.contourf(speed, eps, radius, levels=levels, cmap="YlOrRd", extend="max")
+        for tip in tongue_unit(zeta)[1]:
+            if tip.threshold < eps[-1]:
+                _tip(ax, tip, eps)
+        ax.grid(False)
+        ax.set(xlim=(0, 7000), ylim=(0.0, eps[-1]), ylabel=r"Stiffness $k_1(1 \pm \varepsilon)$: $\varepsilon$ [-]")
+        ax.set_title("Without damping" if zeta == 0.0 else rf"$\zeta_1 = \zeta_s = {zeta}$", loc="left")
+    modes = dict(zip(np.unique([tip.frequencies for tip in tongue_unit(0.0)[1]]), MODE_NAMES.values(), strict=True))
+    for tip in tongue_unit(0.0)[1]:
+        text = " + ".join(modes[frequency].removeprefix("ring ") for frequency in tip.frequencies)
+        axes[0, 0].text(tip.speed / RPM - 190.0, 0.006, text, rotation=90, ha="center", va="bottom", fontsize=7.0)
+    axes[-1, 0].set_xlabel("Speed [rpm]")
+    bar = figure.colorbar(shade, ax=list(axes.flat), aspect=40, pad=0.02, ticks=levels[::5])
+    bar.set_label(r"Largest multiplier of a turn, $|\mu|$ [-]")
+    return figure
+
+
+def _tip(ax: Axes, tip: Tip, eps: FloatArray) -> None:
+    """Where a tongue is predicted to begin, and its sides."""
+    ax.plot(tip.speed / RPM, tip.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
+    above = np.append(tip.threshold, eps[eps > tip.threshold])
+    reach = tip.growth * np.sqrt(above**2 - tip.threshold**2) / RPM
+    for side in (-reach, reach):
+        ax.plot(tip.speed / RPM + side, above, color="0.2", linewidth=0.7, linestyle="--")
 
 
 def _panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:

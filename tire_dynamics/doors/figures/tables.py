@@ -18,6 +18,7 @@ from ...estimator.simulate import simulate
 from ...science import ring, wheel
 from ...science.coefficients import Model
 from ...science.modes import RingModes
+from ...science.nonuniform import Nonuniformity, Tip, tongue_map, tongue_tips
 from ...science.unit import MODAL, REACTION, TireWheelUnit
 
 FloatArray = NDArray[np.float64]
@@ -39,6 +40,8 @@ WHEEL_MODELS: tuple[wheel.Model, ...] = ("inextensional", "complete")
 CAMPBELL_MODES = (2, 3, 4)
 WAVES = ("backward", "forward")  # seen from the ring: against its spin and along it
 WHEEL_MODES = ("wheel_hop", "ring_fore_aft", "ring_vertical")  # of n = 1, by frequency, named as they are at rest
+TONGUE_ZETA = (0.0, 0.02)  # zeta_1 and zeta_s
+TONGUE_EPS = tuple(round(0.2 * k / 30, 6) for k in range(31))
 
 SIDES = {"plus": 1.0, "minus": -1.0}  # what Omega adds to their frequencies on the ring
 
@@ -201,6 +204,31 @@ def multipliers() -> Table:
         table[f"{mode}_imag"] = value.imag
         table[f"{mode}_modulus"] = np.abs(value)
     return table
+
+
+def tongues() -> Table:
+    """Largest modulus of the multipliers with a sidewall whose stiffness for n = 1 is k_1 (1 +- eps)."""
+    speed = np.concatenate([np.linspace(300.0, 4200.0, 40), np.linspace(4225.0, 6500.0, 92), [6600.0, 6800.0, 7000.0]])
+    table = {"speed_rpm": speed}
+    for zeta in TONGUE_ZETA:
+        unit, _ = tongue_unit(zeta)
+        grid = tongue_map(unit, sidewall(TONGUE_EPS[-1]), speed * RPM, np.array(TONGUE_EPS) / TONGUE_EPS[-1])
+        for eps, radius in zip(TONGUE_EPS, grid.spectral_radius, strict=True):
+            table[f"spectral_radius_zeta_{zeta}_eps_{eps:.4f}"] = radius
+    return table
+
+
+def sidewall(eps: float) -> Nonuniformity:
+    """k_z strongest where k_theta is weakest, by 2 eps each."""
+    return Nonuniformity(((2, 2.0 * eps, 0.0),), ((2, 2.0 * eps, 0.5 * math.pi),))
+
+
+def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[Tip, ...]]:
+    """Table 1 with this damping, and where its tongues begin; growth per eps [1/s], thresholds as eps."""
+    unit = TireWheelUnit.table_1(zeta_1=zeta, zeta_s=zeta)
+    some = 0.01
+    tips = tongue_tips(unit, sidewall(some))
+    return unit, tuple(tip._replace(growth=tip.growth / some, threshold=tip.threshold * some) for tip in tips)
 
 
 def wave_exponents(modes: RingModes, speed: float) -> ComplexArray:

@@ -1,0 +1,728 @@
+"""A sidewall whose stiffness varies around the tire: equations, stability, tongues of parametric instability.
+
+With k_z(theta) = k_z [1 + sum_j e_j cos j(theta - chi_j)], and likewise k_theta, the sidewall's stiffness turns with
+the ring while the suspension stands: no change of frame makes that constant, and stability is a matter of Floquet
+theory. docs/model.md derives the equations. Two forms of them are here:
+
+- n = 1 and the wheel in the fixed frame, z' = (C + Omega S + cos(2 phi) P + sin(2 phi) Q) z with the states of
+  ``wheel.fixed_frame``. Of all harmonics only the second acts here, and half a turn is a period.
+- The modes n = 0 to N and the wheel in the ring's frame, where harmonic j couples n with n + j, n - j and j - n. There
+  q = [alpha_0, xi_0, alpha_1, beta_1, xi_1, eta_1, alpha_2, ..., y, x] for the complete model, and for the
+  inextensional one [xi_0, alpha_1, beta_1, alpha_2, beta_2, ..., y, x]; z = [q', q]; x only where the wheel gives fore
+  and aft.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from numbers import Real
+from typing import Any, Final, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import brentq
+
+from . import floquet, ring, wheel
+from .coefficients import coefficients
+from .floquet import FloquetResult
+from .periodic import Transition, Trigonometric, transition
+from .unit import TireWheelUnit
+
+__all__ = [
+    "Nonuniformity",
+    "PeriodicFrame",
+    "Tip",
+    "TongueMap",
+    "fixed_frame_matrix",
+    "nearest_tongue",
+    "periodic_frame",
+    "stability",
+    "state_matrix",
+    "tongue_map",
+    "tongue_tips",
+]
+
+Model = Literal["complete", "inextensional"]
+Harmonic = tuple[int, float, float]
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+HIGHEST: Final = 100
+"""Harmonic; the tread's blocks are above it, and a sidewall knows nothing of them."""
+
+
+@dataclass(frozen=True)
+class Nonuniformity:
+    """How the sidewall's stiffness varies around the ring.
+
+    A bad value raises ``ValueError`` with the field, the value and its bound.
+
+    Parameters
+    ----------
+    radial, tangential : sequence of (int, float, float)
+        Harmonics j >= 1, each once, amplitudes e_j >= 0 and angles chi_j [rad] of k_z and k_theta: the factor
+        1 + sum_j e_j cos j(theta - chi_j) must be > 0 at every theta.
+    """
+
+    radial: tuple[Harmonic, ...] = ()
+    tangential: tuple[Harmonic, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("radial", "tangential"):
+            harmonics = tuple(_harmonic(f"{name}[{k}]", value) for k, value in enumerate(getattr(self, name)))
+            numbers = [j for j, _, _ in harmonics]
+            for j in numbers:
+                if numbers.count(j) > 1:
+                    raise ValueError(f"{name} has harmonic {j} twice; each must stand once")
+            lowest, where = _lowest(harmonics)
+            if not lowest > 0.0:
+                raise ValueError(
+                    f"{name} makes the stiffness {lowest:.6g} of its mean at {where:.6g} rad; it must be > 0"
+                )
+            object.__setattr__(self, name, harmonics)
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether every amplitude is zero."""
+        return not any(e for _, e, _ in (*self.radial, *self.tangential))
+
+    def scaled(self, factor: float) -> Nonuniformity:
+        """The same with every amplitude times a factor >= 0."""
+        fields = ([(j, factor * e, chi) for j, e, chi in each] for each in (self.radial, self.tangential))
+        return Nonuniformity(*(tuple(each) for each in fields))
+
+    def second_harmonic(self, unit: TireWheelUnit) -> complex:
+        """eps exp(2 i chi): k_1 (1 + eps) along the angle chi of the ring and k_1 (1 - eps) across it."""
+        k_z, k_t = unit.radial_stiffness, unit.tangential_stiffness
+        return (k_z * _second(self.radial) - k_t * _second(self.tangential)) / (2.0 * (k_z + k_t))
+
+    def epsilon(self, unit: TireWheelUnit) -> float:
+        """The eps of :meth:`second_harmonic`, what n = 1 of the inextensional model feels."""
+        return abs(self.second_harmonic(unit))
+
+
+def _harmonic(name: str, value: Any) -> Harmonic:
+    try:
+        j, e, chi = value
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} is {value!r}; it must be (harmonic, amplitude, angle)") from None
+    if isinstance(j, bool) or not (isinstance(j, (int, np.integer)) or isinstance(j, float) and j.is_integer()):
+        raise ValueError(f"{name} has harmonic {j!r}; it must be an integer from 1 to {HIGHEST}")
+    if not 1 <= j <= HIGHEST:
+        raise ValueError(f"{name} has harmonic {j!r}; it must be from 1 to {HIGHEST}")
+    for what, number in (("amplitude", e), ("angle", chi)):
+        if isinstance(number, bool) or not isinstance(number, Real) or not math.isfinite(number):
+            raise ValueError(f"{name} has {what} {number!r}; it must be a finite number")
+    if e < 0.0:
+        raise ValueError(f"{name} has amplitude {e!r}; it must be >= 0")
+    return int(j), float(e), float(chi)
+
+
+def _lowest(harmonics: tuple[Harmonic, ...]) -> tuple[float, float]:
+    """The minimum of 1 + sum e cos j(theta - chi), and where it is; a bound where that is enough."""
+    if (most := sum(e for _, e, _ in harmonics)) < 1.0:
+        return 1.0 - most, 0.0
+    highest = max(j for j, _, _ in harmonics)
+    slope = np.zeros(2 * highest + 1, dtype=np.complex128)  # coefficients of exp(i p theta), from p = highest down
+    for j, e, chi in harmonics:
+        slope[highest - j] += 1j * j * e * cmath.exp(-1j * j * chi)
+        slope[highest + j] -= 1j * j * e * cmath.exp(1j * j * chi)
+    slope[np.abs(slope) < 1e-14 * np.abs(slope).max()] = 0.0  # the roots divide by the first
+    roots = np.roots(slope)
+    theta = np.mod(np.concatenate([np.linspace(0.0, 2.0 * math.pi, 8 * highest + 1), np.angle(roots)]), 2.0 * math.pi)
+    factor = 1.0 + sum(e * np.cos(j * (theta - chi)) for j, e, chi in harmonics) + 0.0 * theta
+    k = int(np.argmin(factor))
+    return float(factor[k]), float(theta[k])
+
+
+def _second(harmonics: tuple[Harmonic, ...]) -> complex:
+    return sum((e * cmath.exp(2j * chi) for j, e, chi in harmonics if j == 2), 0j)
+
+
+# -- n = 1 and the wheel, fixed frame -----------------------------------------------------------------------------
+
+
+class PeriodicFrame(NamedTuple):
+    """z' = (constant + Omega spin + cos(2 phi) cosine + sin(2 phi) sine) z, the first two of ``wheel.fixed_frame``."""
+
+    constant: FloatArray
+    spin: FloatArray
+    cosine: FloatArray
+    sine: FloatArray
+
+
+@lru_cache(maxsize=256)
+def periodic_frame(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model = "inextensional") -> PeriodicFrame:
+    """The parts of the n = 1 system with the wheel, in the fixed frame.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+        Its second harmonic acts here, and nothing else of it.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    PeriodicFrame
+        Its matrices are shared, and cannot be written to.
+
+    Notes
+    -----
+    A stiffness k (1 +- e) along and across the angle chi of the ring pulls Z = X + i Y back with
+    k [Z + e exp(2 i (chi + phi)) conj(Z)], Z relative to the wheel.
+    """
+    system = wheel.fixed_frame(unit, model)
+    half = len(system.constant) // 2
+    net, springs, masses = _net(unit, model)
+    cosine, sine = np.zeros((2, 2 * half, 2 * half))
+    for pair, (k, e) in enumerate(zip(springs, _anisotropy(unit, nonuniformity, model), strict=True)):
+        seen = net[2 * pair : 2 * pair + 2]
+        a, b = k * e.real, k * e.imag
+        cosine[:half, half:] -= seen.T @ np.array([[a, b], [b, -a]]) @ seen / masses[:, None]
+        sine[:half, half:] -= seen.T @ np.array([[-b, a], [a, b]]) @ seen / masses[:, None]
+    return PeriodicFrame(system.constant, system.spin, _shared(cosine), _shared(sine))
+
+
+def _net(unit: TireWheelUnit, model: Model) -> tuple[FloatArray, list[float], FloatArray]:
+    """What the sidewall sees, [X - x, Y - y, U - y, V + x] of q; its springs [N/m]; the mass of each coordinate."""
+    area = math.pi * unit.radius * unit.width
+    if model == "inextensional":
+        net = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, -1.0, 0.0]])
+        springs, mass = [unit.sidewall_stiffness], unit.ring_mass
+    else:
+        net = np.concatenate([np.eye(4), [[0.0, -1.0], [-1.0, 0.0], [-1.0, 0.0], [0.0, 1.0]]], axis=1)
+        springs = [area * unit.radial_stiffness, area * unit.tangential_stiffness]
+        mass = area * unit.surface_density
+    masses = np.array([mass] * len(net) + [unit.wheel_mass, unit.fore_aft_mass])
+    half = len(masses) - unit.is_held
+    return net[:, :half], springs, masses[:half]
+
+
+def _anisotropy(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model) -> list[complex]:
+    """e exp(2 i chi) of each of those springs."""
+    if model == "inextensional":
+        return [nonuniformity.second_harmonic(unit)]
+    return [0.5 * _second(nonuniformity.radial), 0.5 * _second(nonuniformity.tangential)]
+
+
+def fixed_frame_matrix(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, phase: float, model: Model = "inextensional"
+) -> FloatArray:
+    """The state matrix of n = 1 and the wheel seen from the fixed frame.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign.
+    phase : float
+        phi, the angle that the ring has turned [rad]; the period is pi.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        With the states of :func:`.wheel.fixed_frame_matrix`, whose bits it has where the second harmonic is zero.
+    """
+    if not math.isfinite(phase):
+        raise ValueError(f"phase is {phase!r}; it must be finite")
+    matrix = wheel.fixed_frame_matrix(unit, speed, model)
+    parts = periodic_frame(unit, nonuniformity, model)
+    if parts.cosine.any():
+        matrix = matrix + math.cos(2.0 * phase) * parts.cosine + math.sin(2.0 * phase) * parts.sine
+    return matrix
+
+
+# -- modes n = 0 to N and the wheel, ring's frame -------------------------------------------------------------------
+
+
+def state_matrix(
+    unit: TireWheelUnit,
+    nonuniformity: Nonuniformity,
+    speed: float,
+    time: float,
+    model: Model = "inextensional",
+    n_max: int = 1,
+) -> FloatArray:
+    """The periodic state matrix A(t) seen from the rotating ring, phi = Omega t.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign; the period is 2 pi/abs(Omega).
+    time : float
+        Time [s].
+    model : {"inextensional", "complete"}
+    n_max : int
+        Highest wavenumber. 1 is n = 1 and the wheel alone, with the states of :func:`.wheel.state_matrix`; from 2 on,
+        the modes n = 0 to n_max and the wheel, with the states that the module's notes have.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        For n_max = 1 the bits of :func:`.wheel.state_matrix` where the second harmonic is zero.
+
+    Notes
+    -----
+    Inextensional: uniform parts are the paper's, (3.10)-(3.13). Coupling is what the sidewall's potential energy gives
+    with the static shape z_2 = -i (A_n/C_n) z_1 behind the paper's elimination, z_2 = -i z_1 for n = 1, over the masses
+    pi a b rho h (A_n + n C_n)/(n C_n) that go with it; n = 0 is the wind-up xi_0.
+    """
+    matrix = _uniform(unit, speed, time, model, n_max)
+    stiffness, mass = _coupling(unit, nonuniformity, speed, model, n_max)
+    if stiffness.any():
+        constant, sine, cosine = _seen_by_the_sidewall(unit, model, n_max)
+        seen = constant + math.sin(speed * time) * sine + math.cos(speed * time) * cosine
+        half = len(mass)
+        matrix[:half, half:] -= seen.T @ stiffness @ seen / mass[:, None]
+    return matrix
+
+
+def _kinds(model: Model, n: int) -> tuple[str, ...]:
+    """Coordinates of a wavenumber."""
+    if model == "inextensional":
+        return ("alpha", "beta") if n else ("xi",)
+    return ("alpha", "beta", "xi", "eta") if n else ("alpha", "xi")
+
+
+def _labels(model: Model, n_max: int) -> list[tuple[int, str]]:
+    """The ring's coordinates in their order."""
+    return [(n, kind) for n in range(1 if n_max == 1 else 0, n_max + 1) for kind in _kinds(model, n)]
+
+
+def _uniform(unit: TireWheelUnit, speed: float, time: float, model: Model, n_max: int) -> FloatArray:
+    """A(t) of the uniform tire: :func:`.wheel.state_matrix` and, beside it, the modes of ``ring.matrices``."""
+    if isinstance(n_max, bool) or not isinstance(n_max, (int, np.integer)) or n_max < 1:
+        raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 1")
+    one = wheel.state_matrix(unit, speed, time, model)
+    if n_max == 1:
+        return one
+    labels = _labels(model, int(n_max))
+    still = 1 if unit.is_held else 2
+    half = len(labels) + still
+    A = np.zeros((2 * half, 2 * half))
+    A[half:, :half] = np.eye(half)
+    for n in (0, *range(2, n_max + 1)):
+        G, K = _mode(unit, n, speed, model)
+        rows = np.array([k for k, label in enumerate(labels) if label[0] == n])
+        A[rows[:, None], rows] = -G
+        A[rows[:, None], half + rows] = -K
+    rows = np.array([k for k, label in enumerate(labels) if label[0] == 1] + list(range(len(labels), half)))
+    both = np.concatenate([rows, half + rows])
+    A[rows[:, None], both] = one[: len(rows)]
+    return A
+
+
+def _mode(unit: TireWheelUnit, n: int, speed: float, model: Model) -> tuple[FloatArray, FloatArray]:
+    """G and K of a mode other than n = 1."""
+    if n == 0 and model == "inextensional":  # the wind-up: u_z = -u_theta' = 0
+        square = float(coefficients(unit, 0).tangential)
+        return np.array([[2.0 * unit.zeta_n * math.sqrt(square)]]), np.array([[square]])
+    G, K = ring.matrices(unit, n, speed, model)
+    if n == 0:
+        G, K = G[::2, ::2], K[::2, ::2]  # without the sines
+    return G, K
+
+
+@lru_cache(maxsize=64)
+def _coupling(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, model: Model, n_max: int
+) -> tuple[FloatArray, FloatArray]:
+    """What the harmonics add to the stiffness between the ring's amplitudes and the wheel [N/m]; masses of q [kg].
+
+    The elements are a b times the integrals of k_z e_j cos j(theta - chi_j) with two shapes of u_z, and likewise of
+    k_theta and u_theta.
+    """
+    labels = _labels(model, n_max)
+    area = unit.radius * unit.width
+    stiffness = np.zeros((len(labels), len(labels)))
+    mass = np.empty(len(labels))
+    shapes = []
+    for n, kind in labels:
+        u_z, u_t, ratio = _shape(unit, n, kind, speed, model)
+        shapes.append((n, u_z, u_t))
+        mass[len(shapes) - 1] = math.pi * area * unit.surface_density * (ratio if n else 2.0)
+    for k, (n, u_z, u_t) in enumerate(shapes):
+        for i, (other, v_z, v_t) in enumerate(shapes[: k + 1]):
+            radial = unit.radial_stiffness * _integral(nonuniformity.radial, n, u_z, other, v_z)
+            tangential = unit.tangential_stiffness * _integral(nonuniformity.tangential, n, u_t, other, v_t)
+            stiffness[k, i] = stiffness[i, k] = area * (radial + tangential)
+    still = [unit.wheel_mass, unit.fore_aft_mass][: 1 if unit.is_held else 2]
+    return _shared(stiffness), _shared(np.concatenate([mass, still]))
+
+
+def _shared(array: FloatArray) -> FloatArray:
+    array.setflags(write=False)
+    return array
+
+
+def _shape(unit: TireWheelUnit, n: int, kind: str, speed: float, model: Model) -> tuple[complex, complex, float]:
+    """z_1 and z_2 of a coordinate that is 1, and its mass over pi a b rho h; u = Re[conj(z) exp(i n theta)]."""
+    z = 1j if kind in ("beta", "eta") else 1.0
+    if model == "complete" or n == 0:
+        return (z, 0.0, 1.0) if kind in ("alpha", "beta") else (0.0, z, 1.0)
+    if n == 1:
+        return z, -1j * z, 2.0
+    A, _, C, _ = (float(value) for value in coefficients(unit, n, speed))
+    return z, -1j * (A / C) * z, (A + n * C) / (n * C)
+
+
+def _integral(harmonics: tuple[Harmonic, ...], n: int, z: complex, other: int, w: complex) -> float:
+    """Of sum_j e_j cos j(theta - chi_j) Re[conj(z) exp(i n theta)] Re[conj(w) exp(i other theta)] around the ring."""
+    total = 0.0
+    if z == 0.0 or w == 0.0:
+        return total
+    z = z.conjugate()
+    for j, e, chi in harmonics:
+        for p, product in ((n - other, z * w), (n + other, z * w.conjugate())):
+            if abs(p) == j:
+                total += 0.5 * math.pi * e * (product * cmath.exp(1j * p * chi)).real
+    return total
+
+
+@lru_cache(maxsize=64)
+def _seen_by_the_sidewall(unit: TireWheelUnit, model: Model, n_max: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Net amplitudes of the ring = (constant + sin(phi) sine + cos(phi) cosine) q: what y and x take from n = 1."""
+    labels = _labels(model, n_max)
+    y = len(labels)
+    constant, sine, cosine = np.zeros((3, y, y + (1 if unit.is_held else 2)))
+    constant[:, :y] = np.eye(y)
+    # y sin(psi), y cos(psi); x cos(psi), -x sin(psi), as in wheel.state_matrix
+    for kind, by_y, by_x in (
+        ("alpha", (1.0, 0.0), (0.0, 1.0)),
+        ("beta", (0.0, 1.0), (-1.0, 0.0)),
+        ("xi", (0.0, 1.0), (-1.0, 0.0)),
+        ("eta", (-1.0, 0.0), (0.0, -1.0)),
+    ):
+        if (1, kind) in labels:
+            row = labels.index((1, kind))
+            sine[row, y], cosine[row, y] = -by_y[0], -by_y[1]
+            if not unit.is_held:
+                sine[row, y + 1], cosine[row, y + 1] = -by_x[0], -by_x[1]
+    return _shared(constant), _shared(sine), _shared(cosine)
+
+
+# -- stability ----------------------------------------------------------------------------------------------------
+
+
+def stability(
+    unit: TireWheelUnit,
+    nonuniformity: Nonuniformity,
+    speed: float,
+    model: Model = "inextensional",
+    n_max: int = 1,
+) -> FloquetResult:
+    """Floquet stability at a constant speed.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign. At standstill there is no period; the verdict comes from the exponents.
+    model : {"inextensional", "complete"}
+    n_max : int
+        As of :func:`state_matrix`.
+
+    Returns
+    -------
+    FloquetResult
+        Of one turn. :func:`.wheel.stability` itself where n_max is 1 and nothing varies that n = 1 could feel.
+
+    Raises
+    ------
+    ValueError
+        An argument is out of its bounds.
+    ArithmeticError
+        The speed is so low that a turn is too long to be integrated, or the solution overflows.
+
+    Notes
+    -----
+    Half a turn is enough: it changes nothing in the ring's frame but the sign of y and x, so the monodromy matrix is
+    the square of D Phi(pi), D the change of sign. For n = 1 in the fixed frame there is no such sign. The work grows
+    as 1/Omega; see :func:`.periodic.transition` for where it ends.
+    """
+    if n_max == 1 and not any(_anisotropy(unit, nonuniformity, _checked(model))):
+        return wheel.stability(unit, speed, model)
+    if not abs(speed) > 1e-300:
+        return floquet.analyze_constant(state_matrix(unit, nonuniformity, speed, 0.0, model, n_max))
+    half = _half_turn(unit, [nonuniformity], speed, model, n_max)
+    period = 2.0 * math.pi / abs(speed)
+    return floquet.judge(half.matrix[0], float(half.log_norm[0]), float(half.error[0]), period, 2)
+
+
+def _checked(model: Model) -> Model:
+    if model not in ("inextensional", "complete"):
+        raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
+    return model
+
+
+def _half_turn(unit: TireWheelUnit, several: list[Nonuniformity], speed: float, model: Model, n_max: int) -> Transition:
+    """Matrices whose squares are those of a whole turn, one for each of several nonuniformities."""
+    sign = None
+    if n_max == 1:
+        frames = [periodic_frame(unit, each, model) for each in several]
+        system = Trigonometric(
+            np.stack([wheel.fixed_frame_matrix(unit, speed, model)] * len(frames)),
+            (2,),
+            np.stack([frame.cosine for frame in frames])[None],
+            np.stack([frame.sine for frame in frames])[None],
+        )
+    else:
+        system = _stack([_trigonometric(unit, each, speed, model, n_max) for each in several])
+        half = system.constant.shape[-1] // 2
+        sign = np.ones(2 * half)
+        ring_coordinates = len(_labels(model, n_max))
+        sign[ring_coordinates:half] = sign[half + ring_coordinates :] = -1.0
+    result = transition(system, speed, 0.0, math.copysign(math.pi, speed))
+    return result if sign is None else result._replace(matrix=sign[:, None] * result.matrix)
+
+
+def _trigonometric(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, model: Model, n_max: int
+) -> Trigonometric:
+    """A(phi) in the ring's frame: the first harmonic is the wheel's, the second the sidewall's on the wheel."""
+    quarter = 0.5 * math.pi / speed
+    before, right, opposite = (_uniform(unit, speed, k * quarter, model, n_max) for k in range(3))
+    constant = 0.5 * (before + opposite)
+    cosines, sines = np.stack([before - constant, 0.0 * constant]), np.stack([right - constant, 0.0 * constant])
+    stiffness, mass = _coupling(unit, nonuniformity, speed, model, n_max)
+    still, s, c = _seen_by_the_sidewall(unit, model, n_max)
+    half = len(mass)
+
+    def acts(left: FloatArray, right: FloatArray) -> FloatArray:
+        product = left.T @ stiffness @ right
+        return (product + product.T) / (2.0 * mass[:, None])
+
+    place = np.s_[:half, half:]
+    constant[place] -= acts(still, still) + 0.5 * (acts(s, s) + acts(c, c))
+    sines[0][place] -= 2.0 * acts(still, s)
+    cosines[0][place] -= 2.0 * acts(still, c)
+    cosines[1][place] -= 0.5 * (acts(c, c) - acts(s, s))
+    sines[1][place] -= acts(s, c)
+    return Trigonometric(constant, (1, 2), cosines, sines)
+
+
+def _stack(systems: list[Trigonometric]) -> Trigonometric:
+    constants, harmonics, cosines, sines = zip(*systems, strict=True)
+    return Trigonometric(np.stack(constants), harmonics[0], np.stack(cosines, axis=1), np.stack(sines, axis=1))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TongueMap:
+    """Stability over speed and the size of the non-uniformity.
+
+    Attributes
+    ----------
+    speeds, scales : ndarray, shapes (nx,) and (ny,)
+        [rad/s]; what the amplitudes are multiplied with.
+    growth : ndarray, shape (ny, nx)
+        The largest real part of the exponents [1/s].
+    spectral_radius : ndarray, shape (ny, nx)
+        The largest modulus of the multipliers of one turn; infinite where double precision does not hold it.
+    verdict : ndarray of int8, shape (ny, nx)
+        Index into ``floquet.VERDICTS``, the verdict of :func:`stability`.
+    """
+
+    speeds: FloatArray
+    scales: FloatArray
+    growth: FloatArray
+    spectral_radius: FloatArray
+    verdict: NDArray[np.int8]
+
+
+def tongue_map(
+    unit: TireWheelUnit,
+    nonuniformity: Nonuniformity,
+    speeds: ArrayLike,
+    scales: ArrayLike,
+    model: Model = "inextensional",
+    n_max: int = 1,
+) -> TongueMap:
+    """:func:`stability` on a grid of speeds and of sizes of a non-uniformity.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+        Which harmonics, in which proportion and where.
+    speeds : array_like, shape (nx,)
+        Spin Omega [rad/s], either sign, not zero.
+    scales : array_like, shape (ny,)
+        Factors >= 0 of all amplitudes.
+    model : {"inextensional", "complete"}
+    n_max : int
+        As of :func:`state_matrix`.
+
+    Returns
+    -------
+    TongueMap
+
+    Raises
+    ------
+    ValueError
+        A speed is zero or not finite, or the largest factor makes a stiffness negative.
+    ArithmeticError
+        A speed is so low that a turn is too long to be integrated.
+    """
+    omega, factors = (np.array(values, dtype=np.float64).reshape(-1) for values in (speeds, scales))
+    for speed in omega.tolist():
+        if not (math.isfinite(speed) and speed != 0.0):
+            raise ValueError(f"speeds has {speed!r}; each must be finite and not zero")
+    several = [nonuniformity.scaled(float(factor)) for factor in factors]
+    growth, radius = np.empty((2, factors.size, omega.size))
+    verdict = np.empty((factors.size, omega.size), dtype=np.int8)
+    for k, speed in enumerate(omega.tolist()):
+        half = _half_turn(unit, several, speed, _checked(model), n_max)
+        values, verdict[:, k] = floquet.monodromy_verdicts(half.matrix, half.log_norm, half.error)
+        with np.errstate(divide="ignore", over="ignore"):
+            logs = np.log(np.abs(values).max(axis=1)) + half.log_norm
+            growth[:, k], radius[:, k] = logs * abs(speed) / math.pi, np.exp(2.0 * logs)
+    return TongueMap(omega, factors, growth, radius, verdict)
+
+
+# -- where tongues begin --------------------------------------------------------------------------------------------
+
+
+class Tip(NamedTuple):
+    """Where a tongue of instability begins: the sum of two whirls' frequencies is twice the speed.
+
+    Attributes
+    ----------
+    speed : float
+        Omega > 0 [rad/s].
+    frequencies : tuple of float
+        omega_i <= omega_j of the uniform unit without damping, in the fixed frame [rad/s]; their sum is 2 Omega.
+    growth : float
+        Rate at which the motion grows there without damping [1/s], to first order in the amplitudes. The tongue of
+        the inextensional model then reaches from Omega - growth to Omega + growth.
+    threshold : float
+        What the amplitudes must be multiplied with for the tongue to overcome the damping, to first order; 0 without
+        damping, NaN where one of the two does not decay by itself.
+    """
+
+    speed: float
+    frequencies: tuple[float, float]
+    growth: float
+    threshold: float
+
+
+@lru_cache(maxsize=256)
+def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model = "inextensional") -> tuple[Tip, ...]:
+    """Where the tongues of n = 1 and the wheel begin, those that open in proportion to the amplitudes.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    tuple of Tip
+        By ascending speed. Narrower ones, of order k in the amplitudes, lie at 1/k of the sums.
+
+    Notes
+    -----
+    In the fixed frame the uniform unit without damping is z' = F z with imaginary eigenvalues, and the second harmonic
+    adds exp(2 i phi) E + exp(-2 i phi) conj(E), E = (P - i Q)/2. With right and left eigenvectors v and u, u v = 1, two
+    motions p and q for which lambda_p - lambda_q = 2 i Omega drive each other: a_p'' = s^2 a_p,
+    s^2 = (u_p E v_q)(u_q conj(E) v_p), and grow if s^2 > 0. The stiffness seen from the fixed frame is positive, so
+    every motion has positive energy; then s^2 > 0 for sums, where p is omega_i and q is -omega_j, and s^2 < 0 for
+    differences (Krein): those open nothing.
+    """
+    parts = periodic_frame(unit, nonuniformity, model)
+    if not parts.cosine.any():
+        return ()
+    undamped = unit.replace(zeta_1=0.0, zeta_s=0.0, zeta_n=0.0, longitudinal_damping_ratio=0.0)
+    half = len(parts.constant) // 2
+
+    def frequencies(speed: float) -> FloatArray:
+        values = np.linalg.eigvals(wheel.fixed_frame_matrix(undamped, speed, model))
+        return np.asarray(np.sort(np.abs(values.imag))[::2])
+
+    # Beyond twice the highest, no sum is twice the speed: what still grows does so four times as fast as the speed.
+    speeds = np.linspace(0.0, 2.0 * float(frequencies(0.0)[-1]), 513)
+    each = np.array([frequencies(speed) for speed in speeds.tolist()])
+    tips: list[Tip] = []
+    for i in range(half):
+        for j in range(i, half):
+
+            def excess(speed: float, i: int = i, j: int = j) -> float:
+                found = frequencies(speed)
+                return float(found[i] + found[j]) - 2.0 * speed
+
+            above = each[:, i] + each[:, j] - 2.0 * speeds > 0.0
+            for k in np.flatnonzero(above[:-1] != above[1:]):
+                speed = float(brentq(excess, speeds[k], speeds[k + 1], xtol=1e-12, rtol=1e-14))
+                pair = frequencies(speed)[[i, j]]
+                # a frequency that is there twice gives its tip twice
+                if not any(np.allclose([tip.speed, *tip.frequencies], [speed, *pair], rtol=1e-6) for tip in tips):
+                    F, damped = (wheel.fixed_frame_matrix(each, speed, model) for each in (undamped, unit))
+                    growth, threshold = _tongue(F, damped - F, parts, *pair.tolist())
+                    if growth > 0.0:
+                        tips.append(Tip(speed, (float(pair[0]), float(pair[1])), growth, threshold))
+    return tuple(sorted(tips))
+
+
+def _tongue(
+    F: FloatArray, damping: FloatArray, parts: PeriodicFrame, omega_i: float, omega_j: float
+) -> tuple[float, float]:
+    """Growth and threshold where omega_i + omega_j = 2 Omega; a growth of 0 where nothing opens."""
+    scale = floquet.balance(np.abs(F)[None])[0]
+    values, right = np.linalg.eig(F * scale)
+    left = np.linalg.inv(right)
+    size = float(np.abs(values).max())
+    p, q = (np.flatnonzero(np.abs(values.imag - w) < 1e-7 * size) for w in (omega_i, -omega_j))
+    E = 0.5 * (parts.cosine - 1j * parts.sine) * scale
+    p_q, q_p = left[p] @ E @ right[:, q], left[q] @ E.conj() @ right[:, p]
+    square = float(np.linalg.eigvals(p_q @ q_p).real.max())
+    if square <= (1e-10 * float(np.abs(E).max())) ** 2:  # rounding of the products
+        return 0.0, math.nan
+    held = damping * scale
+
+    def rate(factor: float) -> float:
+        """At which the fastest of these motions grows, to first order in damping and amplitudes."""
+        slow = np.block([[left[p] @ held @ right[:, p], factor * p_q], [factor * q_p, left[q] @ held @ right[:, q]]])
+        return float(np.linalg.eigvals(slow).real.max())
+
+    growth = math.sqrt(square)
+    if not damping.any():
+        return growth, 0.0
+    if rate(0.0) >= 0.0:
+        return growth, math.nan
+    enough = float(np.abs(held).sum()) / growth
+    return growth, float(brentq(rate, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
+
+
+def nearest_tongue(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, model: Model = "inextensional"
+) -> float | None:
+    """The speed nearest to a given one at which a tongue begins.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    float or None
+        That of a :class:`Tip` of :func:`tongue_tips`, with the sign of ``speed`` [rad/s]; None if there is none.
+    """
+    if not math.isfinite(speed):
+        raise ValueError(f"speed is {speed!r}; it must be finite")
+    tips = tongue_tips(unit, nonuniformity, model)
+    if not tips:
+        return None
+    return math.copysign(min((tip.speed for tip in tips), key=lambda at: abs(at - abs(speed))), speed)
