@@ -19,7 +19,14 @@ from tire_dynamics.doors.wiring import Wiring
 from tire_dynamics.estimator.vehicle import Vehicle
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
 
-MODULES = ["science.unit", "estimator.simulate", "science.ring", "science.wheel", "science.floquet"]
+MODULES = [
+    "science.unit",
+    "estimator.simulate",
+    "science.ring",
+    "science.wheel",
+    "science.floquet",
+    "science.nonuniform",
+]
 INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Wiring, Vehicle, WheelEstimator]
 PAGES = Path(__file__).parents[1] / "docs" / "api"
 SHORT = 3  # lines, within which a docstring names what it takes by itself

@@ -219,7 +219,7 @@ _NODE_EXAMPLES = (
 
 
 def _declare(commands: _Commands) -> None:
-    from . import answer, csv_import, figures, import_tir, jobs, report, response
+    from . import answer, csv_import, figures, identify, import_tir, jobs, report, response, uncertainty
     from . import map as map_
 
     command = commands.add(
@@ -351,10 +351,12 @@ def _declare(commands: _Commands) -> None:
         examples=(
             ("stability --speed-rpm 2000", "the tire of the paper"),
             ("stability --speed-rpm 2000 --config config/vehicle.yaml", "this one"),
+            ("stability --speed-rpm 2000 --config unit.yaml --samples 1000", "and what its errors do to that"),
         ),
     )
     command.add_argument("--speed-rpm", metavar="R", type=float, required=True, help="speed of the wheel [rpm]")
     _add_config(command, "the fields of one unit, or parameters of the node")
+    uncertainty.add_arguments(command)
     command.add_argument("--json", action="store_true", help="as it is anyway")
     command.set_defaults(run=_stability)
 
@@ -404,6 +406,24 @@ def _declare(commands: _Commands) -> None:
     import_tir.add_arguments(command)
     answer.add_arguments(command)
     command.set_defaults(run=import_tir.run)
+
+    command = commands.add(
+        _MODEL,
+        "identify",
+        help="a unit that fits a force measured at the axle, with its errors",
+        examples=(
+            ("identify drive --measured /hub/wrench --start tire.yaml -o unit.yaml --plot fit.png", ""),
+            (
+                "identify drive --measured /hub/wrench --start tire.tir --wheel-mass 30 --suspension-stiffness 2.5e4"
+                " --fit k_1,zeta_1 -o unit.yaml",
+                "of a tire file, the rest held",
+            ),
+        ),
+    )
+    identify.add_arguments(command)
+    _add_remap(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=identify.run)
 
     command = commands.add(
         _MODEL,
@@ -542,6 +562,14 @@ def _stability(options: argparse.Namespace) -> int:
         reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0, values["model"])
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
+    if options.samples is not None:
+        from .answer import plain
+        from .uncertainty import uncertainty
+
+        speed = options.speed_rpm * math.pi / 30.0
+        reply["uncertainty"] = plain(uncertainty(options, unit_of(values), speed, values["model"]))
+    elif options.error:
+        raise InputError("--error belongs to --samples, which is not given")
     print(json.dumps(reply, indent=2))
     return 0
 

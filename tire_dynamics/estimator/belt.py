@@ -77,7 +77,6 @@ class BeltShape:
         deflection: FloatArray = shape
         return deflection
 
-
     def sums(self, first: FloatArray, amplitudes: FloatArray, kernels: ModuleType) -> FloatArray:
         """As :meth:`deflection`, shape (M, 2, P), with sums in order.
 

@@ -381,9 +381,7 @@ def _advance_groups(
     first group of each wheel; r_i [s] and force of each interval."""
     count = np.diff(first)
     spin_of = np.repeat(spin, count)
-    grown = np.stack(
-        growth(exponents[0, spin_of] * left[:, None, None], exponents[1, spin_of] * left[:, None, None])
-    )
+    grown = np.stack(growth(exponents[0, spin_of] * left[:, None, None], exponents[1, spin_of] * left[:, None, None]))
     push = _shape(steady, spin_of, force)
     step = _times(grown[:, 1:], push[:, :-1] - push[:, 1:])  # for each interval but a group's first
     driven = np.zeros((2, spin.size, *own.shape[2:]))
