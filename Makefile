@@ -33,7 +33,8 @@ run: $(READY)  ## the demonstration: a live node, its log, and the log replayed 
 	$(PY) -m tire_dynamics.doors.demo
 
 test: lint types  ## lint, types and all tests
-	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n $(WORKERS) --dist worksteal
+	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n $(WORKERS) --dist worksteal -m 'not live'
+	$(PY) -m pytest -m live
 
 interop: $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
 	$(PY) -m pytest test/interop

@@ -26,6 +26,13 @@ settings.register_profile("ci", deadline=None, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "local")
 
 
+def pytest_collection_modifyitems(items):
+    """Marks what runs a real node: `make test` gives it the machine to itself, one after the other."""
+    for item in items:
+        if "ros_domain" in item.fixturenames:
+            item.add_marker(pytest.mark.live)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def compiled():
     """The loops are compiled before the first test, whose time would not be its own."""
