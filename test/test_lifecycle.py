@@ -63,6 +63,12 @@ def test_it_starts_itself_unless_it_is_told_to_wait(bench):
     one = bench()
     assert state(one) == State.PRIMARY_STATE_ACTIVE
     assert change(one, DEACTIVATE) and state(one) == State.PRIMARY_STATE_INACTIVE
+    assert change(one, CLEAN_UP) and state(one) == State.PRIMARY_STATE_UNCONFIGURED
+    assert change(one, CONFIGURE) and change(one, ACTIVATE)  # a manager may take over; what was fixed stays so
+    assert not one.set("rate_hz", 250.0).successful
+    received = one.messages(WrenchStamped, "/wheel/axle_wrench")
+    one.feed(speed=100.0, load=4000.0)
+    one.until(lambda: len(received) > 20, "wrenches")
 
 
 def test_a_manager_takes_it_through_its_states(bench, tmp_path):

@@ -110,6 +110,7 @@ class TireDynamicsNode(LifecycleNode):
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
         self._refusal: Exception | None = None  # why the last transition failed
+        self._starting = True  # the caller is told what is wrong
         self._log = None
         self._finishing: list[Log] = []
         self._record_due = False
@@ -140,6 +141,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._change(self.trigger_activate)
             else:
                 ros_parameters.declare_loosely(self)
+            self._starting = False
         except BaseException:
             self._end_logs()
             self.destroy_node()
@@ -199,7 +201,7 @@ class TireDynamicsNode(LifecycleNode):
                 change()
         except Exception as error:  # rclpy would not say it
             self._refusal = error
-            if not self._autostart:
+            if not self._starting:
                 self.get_logger().error(_first_line(error))
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS

@@ -67,6 +67,8 @@ def declare_loosely(node: Node) -> None:
 
 def _declare(node: Node, name: str, value: Any, descriptor: ParameterDescriptor) -> None:
     if node.has_parameter(name):
+        if node.describe_parameter(name).read_only:
+            return  # it is what it was when it was declared, and cannot be taken back
         node.undeclare_parameter(name)
     node.declare_parameter(name, list(value) if isinstance(value, tuple) else value, descriptor, ignore_override=True)
 
