@@ -1,6 +1,7 @@
 """The live node against the null node: CPU, latency, achieved rate and missed ticks, side by side in one run.
 
-    python benchmarks/live.py [--seconds 10] [--repeats 3] [--rates 500 1000] [--only live|stability] [--json FILE]
+    python benchmarks/live.py [--seconds 10] [--repeats 3] [--rates 500 1000] [--only live|stability] [--varying]
+        [--json FILE]
 
 Both are fed by this process: loads for four wheels at the node's rate, joint states at 100 Hz, all outputs listened to.
 
@@ -50,10 +51,12 @@ def main() -> None:
     options.add_argument("--rates", type=float, nargs="+", default=[500.0, 1000.0], metavar="HZ")
     options.add_argument("--only", choices=("live", "stability"), help="one part of it")
     options.add_argument("--pacing", choices=PACINGS, default=PACINGS[0], help="of the null node (default %(default)s)")
+    options.add_argument("--varying", action="store_true", help="tires that are not the same all around")
     chosen = options.parse_args()
+    NODES["node"] = partial(our_node, varying=chosen.varying)
     NODES["null"] = partial(null_node, pacing=chosen.pacing)
     print_machine()
-    figures: dict[str, Any] = {"seconds": chosen.seconds, "null_node_pacing": chosen.pacing}
+    figures: dict[str, Any] = {"seconds": chosen.seconds, "null_node_pacing": chosen.pacing, "varying": chosen.varying}
     gc.disable()  # in this process, lest the peer's pauses be taken for the node's
     try:
         with own_domain() as folder:

@@ -63,8 +63,16 @@ def own_domain() -> Iterator[Path]:
         yield folder
 
 
-def our_node(rate: float, log: Path | None) -> list[str]:
-    """The command line of the node with four wheels."""
+VARYING = {
+    "radial_nonuniformity": "[2.0,0.1,0.4]",
+    "tangential_nonuniformity": "[2.0,0.05,1.0]",
+    "radial_runout": "[1.0,0.0005,0.3,10.0,0.0001,1.0]",
+    "imbalance_mass": "0.05",
+}
+
+
+def our_node(rate: float, log: Path | None, varying: bool = False) -> list[str]:
+    """The command line of the node with four wheels, whose tires may be not the same all around."""
     values = {
         "wheels": f"[{','.join(WHEELS)}]",
         "rate_hz": f"{rate:.1f}",
@@ -72,6 +80,7 @@ def our_node(rate: float, log: Path | None) -> list[str]:
         "ring_samples": str(RING_SAMPLES),
         "n_max": "30",
         **({"log.directory": str(log)} if log else {}),
+        **({f"tire.{name}": value for name, value in VARYING.items()} if varying else {}),
     }
     parameters = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
     return [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args", *parameters, "--log-level", "warn"]

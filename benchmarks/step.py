@@ -82,6 +82,8 @@ def main() -> None:
         print_peers(title, figures[key])
     figures["wheels"] = several_wheels(load, chosen.repeats)
     print_wheels(figures["wheels"])
+    figures["varying"] = varying_tire(chosen.repeats)
+    print_varying(figures["varying"])
     write_json(chosen.json, "step", figures)
 
 
@@ -246,7 +248,7 @@ def belt_shape() -> BeltShape:
 
 
 def plan(force: float) -> Plan:
-    return Plan(None, [(PERIOD, SPEED, force, 0.0)])
+    return Plan(None, [(PERIOD, SPEED, force, 0.0)], [math.nan])
 
 
 def followed(load: np.ndarray, module: ModuleType) -> Work:
@@ -280,7 +282,8 @@ def in_one_block(load: np.ndarray, module: ModuleType, shown: bool = False) -> W
     """What the replay calls: all steps in one go; the belt is taken along where it is shown, at all ticks then."""
     steps = load.size - 1
     speed, force = np.full(steps, SPEED), np.stack([load[:-1], np.zeros(steps)], axis=1)
-    stretch = Stretch(np.full(steps, PERIOD), speed, force, np.arange(1, steps + 1), speed)
+    none = np.full(steps, math.nan)
+    stretch = Stretch(np.full(steps, PERIOD), speed, force, none, np.arange(1, steps + 1), speed)
     ours, shape = motion(1, module), belt_shape()
     at = {0: np.arange(steps if shown else 0)}
 
@@ -360,6 +363,50 @@ def cost_of_wheels(load: np.ndarray, module: ModuleType, shown_modes: bool, whee
     if not (ours.state == ours.state[0]).all():
         raise SystemExit(f"{wheels} wheels of one input are not alike")
     return 1e6 * cost / (wheels * (len(plans) - 10))
+
+
+# -- a tire that is not the same all around ---------------------------------------------------------------------
+
+
+def varying_tire(repeats: int) -> dict[str, Any]:
+    """us per tick of four wheels at 500 Hz, forces read: the uniform tire, and one of each kind, in turn."""
+    sidewall = {"radial_nonuniformity": [(2, 0.1, 0.4)], "tangential_nonuniformity": [(2, 0.05, 1.0)]}
+    forces = {"imbalance_mass": 0.05, "radial_runout": [(1, 5e-4, 0.3), (10, 1e-4, 1.0)]}
+    tires = {
+        "uniform": UNIT,
+        "sidewall": UNIT.replace(**sidewall),
+        "imbalance, run-out to the tenth": UNIT.replace(**forces),
+        "all of it": UNIT.replace(**sidewall, **forces),
+    }
+    cost: dict[str, list[float]] = {f"{tire}, {name}": [] for name in KERNELS for tire in tires}
+    for repeat in range(-1, repeats):
+        for name, module in KERNELS.items():
+            for tire, unit in tires.items():
+                ours = Motion(unit, "inextensional", N_MAX, 4, module)
+                steps = [(2 * PERIOD, SPEED + 0.01 * k, 3500.0 + k, 0.0) for k in range(300)]
+                ticks = [[Plan(None, [step], [0.1 * k])] * 4 for k, step in enumerate(steps)]
+                begin = time.perf_counter()
+                for k, plans in enumerate(ticks):
+                    ours.follow(plans)
+                    ours.read([SPEED + 0.01 * k] * 4)
+                if repeat >= 0:
+                    cost[f"{tire}, {name}"].append(1e6 * (time.perf_counter() - begin) / len(ticks))
+    found = {}
+    for name in KERNELS:
+        for tire in tires:
+            values, base = cost[f"{tire}, {name}"], cost[f"uniform, {name}"]
+            ratio = spread(a / b for a, b in zip(values, base, strict=True))
+            found[f"{tire}, {name}"] = {"us": spread(values), "against_uniform": ratio}
+    return found
+
+
+def print_varying(figures: dict[str, Any]) -> None:
+    rows = [
+        (name, shown(row["us"]), shown(row["against_uniform"], ".2f"), f"{row['us']['median'] / 20.0:.1f} %")
+        for name, row in figures.items()
+    ]
+    print()
+    print_table(("four wheels, speed changes at each tick", "us per tick", "x uniform", "of 2 ms"), rows)
 
 
 def cycled(load: np.ndarray, count: int) -> Iterator[float]:

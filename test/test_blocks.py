@@ -396,7 +396,7 @@ def test_clocks_decode_as_each_does(some):
 
 @given(payloads("joint_state"), payloads("joint_state"))
 def test_joint_states_decode_as_each_does(before, some):
-    """Whatever came before; in groups of equal names and equally many velocities."""
+    """Whatever came before; in groups of equal names and equally many velocities, with as many positions or not."""
     decoder = JointStateDecoder()
     for payload in before:
         one_by_one(decoder.decode, [payload])
@@ -406,11 +406,15 @@ def test_joint_states_decode_as_each_does(before, some):
     grouped: dict = {}
     for number, state in enumerate(expected):
         if state is not None:
-            grouped.setdefault((state.names, len(state.velocities)), []).append((number, state.velocities))
-    assert [(tuple(g[1]), g[2].shape[1]) for g in groups] == list(grouped)
-    for (indices, _, velocities), members in zip(groups, grouped.values(), strict=True):
-        assert indices.tolist() == [number for number, _ in members]
-        np.testing.assert_array_equal(velocities, np.reshape([v for _, v in members], velocities.shape))
+            as_many = len(state.positions) == len(state.velocities)
+            members = grouped.setdefault((state.names, len(state.velocities), as_many), [])
+            members.append((number, state.velocities, state.positions))
+    assert [(tuple(g[1]), g[2].shape[1], g[3] is not None) for g in groups] == list(grouped)
+    for (indices, _, velocities, positions), members in zip(groups, grouped.values(), strict=True):
+        assert indices.tolist() == [member[0] for member in members]
+        np.testing.assert_array_equal(velocities, np.reshape([member[1] for member in members], velocities.shape))
+        if positions is not None:
+            np.testing.assert_array_equal(positions, np.reshape([member[2] for member in members], positions.shape))
 
 
 def test_joint_states_of_one_length_need_not_have_one_layout():
@@ -419,7 +423,8 @@ def test_joint_states_of_one_length_need_not_have_one_layout():
     size = max(len(payload) for payload in some)  # of equal size with the bytes that may follow
     some = [payload + bytes(size - len(payload)) for payload in some]
     _, _, groups = JointStateDecoder().decode_block(*stretch_of(some))
-    assert [(g[0].tolist(), g[2].tolist()) for g in groups] == [([0, 2, 3], [[0.5]] * 3), ([1], [[]])]
+    found = [(g[0].tolist(), g[2].tolist(), g[3] if g[3] is None else g[3].tolist()) for g in groups]
+    assert found == [([0, 3], [[0.5]] * 2, [[0.5]] * 2), ([1], [[]], None), ([2], [[0.5]], None)]
 
 
 @pytest.mark.parametrize("kind", MESSAGES)

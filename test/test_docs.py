@@ -36,7 +36,7 @@ DESCRIBED = {name(row[0]): row for row in rows("docs/parameters.md") if name(row
 def bounds(text: str) -> tuple[float | None, float | None]:
     """The interval that a range names, closed or not."""
     number = {"pi/2": math.pi / 2.0}
-    found = re.fullmatch(r"\[?([\d.e]+)(?: to |, )([\w./]+)[])]?", text)
+    found = re.fullmatch(r"\[?(-?[\d.e]+)(?: to |, )([\w./]+)[])]?", text)
     if found:
         return float(found[1]), number.get(found[2]) or float(found[2])
     return {"> 0": (None, None), ">= 0": (0.0, None), "": (None, None)}[text]

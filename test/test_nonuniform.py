@@ -88,7 +88,7 @@ speeds = st.tuples(st.floats(50.0, 1500.0), st.sampled_from([-1.0, 1.0])).map(la
         (((1, "0.1", 0.0),), r"radial\[0\] has amplitude '0.1'; it must be a finite number"),
         (((1, 0.1, math.inf),), r"radial\[0\] has angle inf; it must be a finite number"),
         (((1, 0.1),), r"radial\[0\] is \(1, 0.1\); it must be \(harmonic, amplitude, angle\)"),
-        ((3,), r"radial\[0\] is 3; it must be"),
+        ((3,), r"radial is \[3\]; it must have three for each harmonic"),
         (((2, 0.1, 0.0), (2, 0.1, 1.0)), "radial has harmonic 2 twice"),
         (((2, 1.0, 0.5),), r"radial makes the stiffness .* of its mean at .* rad; it must be > 0"),
         (((1, 0.6, 0.0), (3, 0.6, 0.0)), r"radial makes the stiffness -0.2 of its mean at 3.14159 rad"),

@@ -19,7 +19,8 @@ TIRE_FIELDS = (
     "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness", "radial_stiffness",
     "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s", "zeta_n",
     "sidewall_damping", "contact_half_angle", "longitudinal_stiffness", "longitudinal_damping_ratio",
-    "longitudinal_mass",
+    "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
+    "radial_runout", "contact_stiffness",
 )  # fmt: skip
 
 
@@ -77,7 +78,7 @@ def unusable():
             for value in (1.0, "1.0", None, [1], ["a"], {"a": 1.0}):
                 yield row.name, value, "list of floating-point numbers"
             yield row.name, [1.0, math.inf, 0.0], "finite"
-            yield row.name, [1.0, 2.0], "x y z"
+            yield row.name, [1.0, 2.0], "x y z" if row.name == "tf.positions" else "three for each harmonic"
         if row.kind == "boolean":
             for value in ("true", 1, 0.0, None, []):
                 yield row.name, value, "true or false"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import contextlib
+import dataclasses
 import json
 import math
 import re
@@ -17,6 +19,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from rosbags.typesys import Stores, get_typestore
 from scipy import signal
 from test_cli import called, refused
 from test_replay import BEGIN, SECOND, InputBag, constant, wild
@@ -26,8 +29,11 @@ from tire_dynamics.doors import messages
 from tire_dynamics.doors.bag import BagReader, BagWriter
 from tire_dynamics.doors.replay import replay
 from tire_dynamics.doors.report import analysis, theory
-from tire_dynamics.doors.report.findings import number, seconds, summary
+from tire_dynamics.doors.report.findings import critical_range, number, seconds, summary
 from tire_dynamics.doors.report.gather import Drive, gather, has_outputs
+from tire_dynamics.science.response import frequency_response
+from tire_dynamics.science.uncertainty import bands, value_of
+from tire_dynamics.science.uncertainty import sample as sample_units
 
 REPOSITORY = Path(__file__).parents[1]
 SAMPLE = REPOSITORY / "bags" / "sample"
@@ -246,6 +252,114 @@ def test_segments_are_2_s_or_an_eighth_of_the_drive(rate, duration, length):
     assert analysis.segment_length(rate, duration) == length
 
 
+# -- what repeats with the turn -----------------------------------------------------------------------------------
+
+LONGEST = 0.25  # [s] for which a speed is held
+
+
+def angles_by_hand(samples, ticks):
+    """Sample by sample: measured if new, else from the speed, else from 0 on in a stretch of its own."""
+    known, before, seen, lost = [], None, math.nan, 0
+    for time, speed, position in samples:
+        if math.isfinite(position) and position != seen:
+            angle, stretch = position, analysis.MEASURED
+        elif before is None or time - before[0] > LONGEST:
+            lost += 1
+            angle, stretch = 0.0, lost
+        else:
+            angle, stretch = before[2] + before[1] * (time - before[0]), before[3]
+        seen = position if math.isfinite(position) else seen
+        before = (time, speed, angle, stretch)
+        known.append(before)
+    for tick in ticks:
+        last = [each for each in known if each[0] <= tick]
+        yield (last[-1][2] + last[-1][1] * (tick - last[-1][0]), last[-1][3]) if last else (math.nan, 0)
+
+
+@given(st.data())
+def test_a_wheel_has_the_angle_that_was_measured_or_that_its_speed_makes(data):
+    steps = data.draw(st.lists(st.sampled_from([0.01, 0.1, 0.2, 0.3, 1.0]), min_size=1, max_size=12))
+    times = np.cumsum(steps)
+    speeds = data.draw(npst.arrays(float, times.size, elements=st.floats(-50.0, 50.0)))
+    positions = data.draw(npst.arrays(float, times.size, elements=st.sampled_from([math.nan, 0.0, 0.0, 2.0, -3.0])))
+    samples = np.stack([times, speeds, positions])
+    ticks = np.cumsum(data.draw(st.lists(st.floats(0.001, 0.5), min_size=1, max_size=12)))
+    cuts = sorted(data.draw(st.sets(st.integers(0, ticks.size), max_size=3)))
+    angle = analysis.WheelAngle(LONGEST)
+    found = []
+    for some in np.split(ticks, cuts):
+        # a block has the samples that came with its ticks; some are of a time that no tick has reached
+        given_now = samples[0] <= (some[-1] + data.draw(st.sampled_from([0.0, 0.3])) if some.size else 0.0)
+        angle.add(*samples[:, given_now])
+        samples = samples[:, ~given_now]
+        found.append(angle.at(some))
+    turned, _, stretch = (np.concatenate(column) for column in zip(*found, strict=True))
+    expected = np.array(list(angles_by_hand(zip(times, speeds, positions, strict=True), ticks)))
+    # a dozen steps of at most 50 rad
+    np.testing.assert_allclose(turned, expected[:, 0], rtol=0, atol=1e-10)
+    np.testing.assert_array_equal(stretch[np.isfinite(turned)], expected[np.isfinite(turned), 1])
+
+
+def test_a_clock_that_was_set_back_begins_the_angle_anew():
+    angle = analysis.WheelAngle(LONGEST)
+    angle.add(np.array([10.0]), np.array([5.0]), np.array([1.0]))
+    assert angle.at(np.array([10.1]))[0] == pytest.approx([1.5])
+    angle.add(np.array([2.0]), np.array([5.0]), np.array([3.0]))
+    assert math.isnan(angle.at(np.array([2.1]))[0][0])
+    angle.add(np.array([2.2]), np.array([5.0]), np.array([4.0]))
+    assert angle.at(np.array([2.3]))[0] == pytest.approx([4.5])
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 2**32), cuts=st.lists(st.integers(0, 20_000), max_size=4))
+def test_the_error_of_a_harmonic_is_that_of_its_noise(seed, cuts):
+    """White noise at even angles: an amplitude is known to sigma sqrt(2/N), sqrt(3/2) times that with Hann's window."""
+    turns, sigma, per_turn = 200, 30.0, 100
+    phi = 2.0 * math.pi / per_turn * np.arange(turns * per_turn + 1)
+    force = 4000.0 + 20.0 * np.cos(2.0 * phi - 1.0) + np.random.default_rng(seed).normal(0.0, sigma, phi.size)
+    orders = analysis.Orders()
+    for some in np.split(np.arange(phi.size), sorted(cuts)):
+        orders.add(phi[some], force[some])
+    found, error = orders.variation()
+    expected = 2.0 * sigma * math.sqrt(1.5 * 2.0 / (turns * per_turn))
+    # of 20 stretches, each harmonic's error has 38 degrees of freedom: 11 %, all ten together 4 %
+    assert np.sqrt((error**2).mean()) == pytest.approx(expected, rel=0.25)
+    # 20 numbers, none beyond five deviations
+    truth = np.where(np.arange(1, 11) == 2, 40.0 * np.exp(-1j), 0.0)
+    seen = found.peak_to_peak * np.exp(-1j * np.arange(1, 11) * found.phase)
+    assert np.abs((seen - truth).view(float)).max() < 5.0 * expected
+
+
+def test_a_load_that_drifts_is_no_harmonic():
+    phi = np.linspace(0.0, 400.0, 20_000)
+    orders = analysis.Orders()
+    orders.add(phi, 3000.0 + 5.0 * phi)
+    # The Fourier series of a line that rises by s in a turn has 2 s/(pi j) peak to peak; Hann's window over M turns
+    # makes 1/k - 1/(2 (k - 1)) - 1/(2 (k + 1)) = -1/(k (k^2 - 1)) of 1/k, k = j M. Here s = 10 pi N, M = 10.
+    j = np.arange(1, 11)
+    np.testing.assert_allclose(orders.variation()[0].peak_to_peak, 20.0 / j / ((10.0 * j) ** 2 - 1.0), rtol=1e-3)
+
+
+def test_few_turns_are_told_without_errors():
+    phi = np.linspace(3.0, 20.0, 300)
+    orders = analysis.Orders()
+    orders.add(phi[:100], 4000.0 + 5.0 * np.cos(phi[:100]))
+    orders.add(phi[100:], 4000.0 + 5.0 * np.cos(phi[100:]))
+    found, error = orders.variation()
+    assert found.peak_to_peak[0] == pytest.approx(10.0) and found.turns == pytest.approx(17.0 / (2.0 * math.pi))
+    assert np.isnan(error).all()
+
+
+def test_what_is_driven_slowly_counts_no_more():
+    """Half the turns at a tenth of the speed, with another force: the mean of both."""
+    phi = np.concatenate([np.arange(0.0, 600.0, 0.02), np.arange(600.0, 1200.0, 0.2)])
+    force = np.where(phi < 600.0, 10.0, 30.0) * np.cos(phi)
+    orders = analysis.Orders()
+    orders.add(phi, force)
+    # 1200 rad are 190.99 turns, of which 190 are taken; the last stretch of slow ones is 0.5 of 10 turns
+    assert orders.variation()[0].peak_to_peak[0] == pytest.approx(40.0, rel=0.02)
+
+
 # -- what the model says ------------------------------------------------------------------------------------------
 
 
@@ -366,6 +480,101 @@ def test_an_unstable_tire_is_the_headline(tmp_path):
     assert found.level == "bad" and "was unstable" in found.headline and found.verdicts == ["unstable"]
 
 
+SPEED, MEAN = 47.0, 4000.0  # [rad/s], [N]
+LOADS = {1: (200.0, 0.7), 3: (60.0, -1.1)}  # harmonic: amplitude [N] and phase [rad] at angle 0
+REACTION = TireWheelUnit.table_1(sidewall_damping="reaction", zeta_s=0.3)
+
+
+def rolling(folder: Path, rolls: float, zero: float | None = None, spare: float = 0.0) -> Path:
+    """A wheel at constant speed under a load with two harmonics, held at 500 Hz.
+
+    Its angle is ``zero`` at the begin and told in joint_states, or not at all; for ``spare`` seconds after a third of
+    the drive there are no speeds.
+    """
+    store = get_typestore(Stores.ROS2_JAZZY)
+    types = (store.types[f"{name}"] for name in ("std_msgs/msg/Header", "builtin_interfaces/msg/Time"))
+    header, time = types
+    with BagWriter(folder) as bag:
+        load = bag.add_topic("/wheel/load", messages.WRENCH_STAMPED)
+        joints = bag.add_topic("/joint_states", messages.JOINT_STATE) if zero is not None else None
+        speed = bag.add_topic("/wheel/wheel_speed", messages.FLOAT64) if zero is None else None
+        wrench = messages.WrenchEncoder("axle")
+        for k in range(round(rolls * 500.0)):
+            now, phi = BEGIN + k * 2_000_000, SPEED * k / 500.0
+            if k % 5 == 0 and not 0.0 <= k / 500.0 - rolls / 3.0 < spare:
+                if joints is None:
+                    bag.write(speed, now, now, messages.encode_float64(SPEED))
+                else:
+                    turned = math.remainder(zero + phi, 2.0 * math.pi)  # an encoder's, in (-pi, pi]
+                    stamp = time(now // SECOND, now % SECOND)
+                    fields = (header(stamp, ""), ["x", "wheel"], *(np.array([0.0, v]) for v in (turned, SPEED)))
+                    message = store.types["sensor_msgs/msg/JointState"](*fields, np.zeros(0))
+                    bag.write(joints, now, now, bytes(store.serialize_cdr(message, "sensor_msgs/msg/JointState")))
+            force = MEAN + sum(size * math.cos(j * phi + phase) for j, (size, phase) in LOADS.items())
+            bag.write(load, now, now, wrench.encode(now, 0.0, force))
+    return folder
+
+
+@pytest.mark.parametrize("zero", [None, 2.0], ids=["integrated", "measured"])
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+def test_harmonics_of_the_axle_force_are_those_of_the_frequency_response(tmp_path, zero, model):
+    (tmp_path / "unit.yaml").write_text(
+        "tire_dynamics: {ros__parameters: {tire: {sidewall_damping: reaction, zeta_s: 0.3}, model: " + model + "}}"
+    )
+    drive = drive_of(rolling(tmp_path / "in", 20.0, zero), tmp_path, config=tmp_path / "unit.yaml")
+    (found,) = drive.wheels
+    assert drive.unit == REACTION and found.measured == (zero is not None)
+    f = np.array([j * SPEED / (2.0 * math.pi) for j in LOADS])
+    held = np.sinc(f / 500.0) * np.exp(-1j * math.pi * f / 500.0)  # what holding does to a sine
+    H = frequency_response(REACTION, SPEED, f, model)[:, :, 0].T * held
+    phi = 0.0 if zero is None else zero
+    for (variation, error), gain in zip((orders.variation() for orders in found.orders), H, strict=True):
+        assert variation.turns > 135.0  # of 149.6 those in whole stretches; the last may lack a little
+        for j, response in zip(LOADS, gain, strict=True):
+            size, phase = LOADS[j]
+            expected = 2.0 * size * response * np.exp(1j * (phase - j * phi))
+            seen = variation.peak_to_peak[j - 1] * np.exp(-1j * j * variation.phase[j - 1])
+            # [N] The transient at the begin, some 400 N exp(-t/0.07 s), under sin^2(pi t/1.3 s) of 10 turns, beside
+            # half of 19 s. Images of what is held, at 500 Hz less the harmonic, are 5 % and passed on by 1e-3.
+            assert abs(seen - expected) < 0.5
+            assert error[j - 1] < 0.5
+        rest = [j - 1 for j in range(1, 11) if j not in LOADS]
+        assert variation.peak_to_peak[rest].max() < 0.5  # likewise
+
+
+def test_an_angle_that_was_lost_begins_anew(tmp_path):
+    drive = drive_of(rolling(tmp_path / "in", 12.0, None, spare=0.5), tmp_path)
+    (found,) = drive.wheels
+    # 4 s before, 7.5 s after
+    assert not found.measured and found.orders[1].turns == pytest.approx(7.5 * SPEED / (2.0 * math.pi), rel=0.01)
+    drive = drive_of(rolling(tmp_path / "measured", 12.0, 1.0, spare=0.5), tmp_path / "other")
+    (found,) = drive.wheels
+    assert found.measured and found.orders[1].turns == pytest.approx(11.7 * SPEED / (2.0 * math.pi), rel=0.01)
+
+
+def test_errors_of_the_parameters_are_in_the_findings(sample):
+    critical = wheel.critical_speed(sample.unit)
+    for zeta, level, words in ((0.1, "good", "none of them is unstable"), (2.9, "warning", "% of them is unstable")):
+        known = theory.Errors({"zeta_1": zeta}, None, 40, 1)
+        highest = 60.0 if zeta < 1.0 else critical
+        means = np.array([30.0, 30.0, 31.0, 31.0])
+        band = theory.bands(sample.unit, known, highest, np.array([0.0, 60.0]), means, np.array([1.0, 10.0]))
+        (finding,) = (each for each in summary(sample, critical, known, band).findings if "zeta_1" in each.text)
+        assert finding.level == level and words in finding.text
+
+
+def test_of_a_tire_that_is_not_uniform_it_says_what_is_its_mean_s(sample):
+    uneven = {"tire.radial_nonuniformity": (2.0, 0.4, 0.0), "tire.imbalance_mass": 0.05}
+    drive = dataclasses.replace(sample, parameters={**sample.parameters, **uneven})
+    grid, critical = theory.stability_around(drive.unit, 66.0)
+    np.testing.assert_array_equal(grid.abscissa, theory.stability_around(sample.unit, 66.0)[0].abscissa)
+    (finding,) = (each for each in summary(drive, critical).findings if "not uniform" in each.text)
+    assert finding.level == "note" and "tongue" in finding.text
+    drive.parameters["tire.radial_nonuniformity"] = ()  # an imbalance turns, but makes no tongues
+    (finding,) = (each for each in summary(drive, critical).findings if "not uniform" in each.text)
+    assert "tongue" not in finding.text
+
+
 def test_a_gap_is_missing_time(tmp_path):
     bag = InputBag(tmp_path / "in", ["wheel"])
     for k in [*range(100), *range(200, 300)]:
@@ -395,6 +604,24 @@ def page(tmp_path_factory) -> Path:
     done = called("report", SAMPLE, "-o", path, "--config", VEHICLE)
     assert done.returncode == 0 and done.stdout == "" and "no concerns" in done.stderr
     return path
+
+
+MODAL = TireWheelUnit.table_1()
+UNCERTAIN = {"fields": ["k_1", "zeta_1"], "relative_errors": [0.05, 0.1], "correlation": [[1.0, 0.5], [0.5, 1.0]]}
+
+
+@pytest.fixture(scope="module")
+def uncertain(tmp_path_factory) -> Path:
+    """A page with bands, of one wheel whose angle is known; beside it the log, the unit and its errors."""
+    pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
+    folder = tmp_path_factory.mktemp("uncertain")
+    MODAL.to_yaml(folder / "unit.yaml")
+    values = [value_of(MODAL, name) for name in UNCERTAIN["fields"]]
+    (folder / "unit.errors.json").write_text(json.dumps({**UNCERTAIN, "values": values}))
+    replay(rolling(folder / "in", 10.0, 2.0), folder / "log", config=folder / "unit.yaml")
+    options = "--errors", folder / "unit.errors.json", "--samples", "60", "--seed", "3"
+    assert called("report", folder / "log", "-o", folder / "page.html", *options).returncode == 0
+    return folder / "page.html"
 
 
 class Elements(HTMLParser):
@@ -450,6 +677,67 @@ def test_the_figures_are_what_plotly_takes(page):
         assert name == "coverage" or all(made.layout[axis].title.text for axis in axes)
 
 
+def typed(values) -> np.ndarray:
+    return np.frombuffer(base64.b64decode(values["bdata"]), values["dtype"])
+
+
+def test_errors_of_the_parameters_are_bands(uncertain, page):
+    errors = dict(zip(UNCERTAIN["fields"], UNCERTAIN["relative_errors"], strict=True))
+    options = {"samples": 60, "seed": 3}
+    expected = bands(MODAL, SPEED, errors, UNCERTAIN["correlation"], **options)
+    figures = json.loads(elements(uncertain).scripts[0])["figures"]
+    # numbers of 4 bytes
+    (bar,) = (each for each in figures["stability"]["data"] if "within the errors" in each.get("name", ""))
+    assert typed(bar["x"]) == pytest.approx(expected.critical_speed[[0, 2]] / theory.RPM, rel=1e-6)
+    band = figures["steady"]["data"][0]
+    x, y = typed(band["x"]), typed(band["y"])
+    low, high = y[x == x.max()][[1, 0]]  # once there, once back
+    assert x.max() == pytest.approx(SPEED / theory.RPM)
+    K = [
+        wheel.transmissibility(each, SPEED) for each in sample_units(MODAL, errors, UNCERTAIN["correlation"], **options)
+    ]
+    assert (low, high) == pytest.approx(np.quantile(K, [0.05, 0.95]), rel=1e-6)
+    (response,) = (each for each in figures["spectra"]["data"] if each["legendgroup"] == "errors" and "fill" in each)
+    below, above = typed(response["y"])[[-1, 0]]
+    gains = [abs(frequency_response(each, SPEED, typed(response["x"])[0])[1, 0]) for each in
+             sample_units(MODAL, errors, UNCERTAIN["correlation"], **options)]  # fmt: skip
+    assert (below, above) == pytest.approx(np.quantile(gains, [0.05, 0.95]), rel=1e-5)
+    text = uncertain.read_text(encoding="utf-8")
+    low, _, high = (number(speed / theory.RPM) for speed in expected.critical_speed)
+    assert f"With errors of k_1 5 %, zeta_1 10 % the critical speed is {low} to {high} rpm" in text
+    assert f"5 to 95 %: {low} to {high} rpm" in text and "in brackets 5 to 95 %" in text
+    # and without errors nothing of it
+    assert "steady" not in (without := json.loads(elements(page).scripts[0])["figures"])
+    assert "errors" not in json.dumps(without) and "5 to 95" not in page.read_text(encoding="utf-8")
+
+
+def test_a_tire_that_has_no_critical_speed_has_no_band_of_it():
+    unit = TireWheelUnit.table_1(zeta_1=0.0)
+    band = theory.bands(
+        unit, theory.Errors({"wheel_mass": 0.1}, None, 5, 0), 60.0, np.array([60.0]), np.array([60.0]), np.array([1.0])
+    )
+    assert critical_range(band) == "none" and band.whole.never == 1.0
+
+
+def test_the_page_tells_harmonics_and_phases(uncertain, page):
+    figures = json.loads(elements(uncertain).scripts[0])["figures"]
+    vertical, along = figures["variation"]["data"]
+    assert (vertical["yaxis"], along["yaxis"]) == ("y", "y2")
+    size = typed(vertical["y"])
+    assert (
+        size.size == 10
+        and (np.argsort(size)[:-3:-1] == [0, 2]).all()
+        and typed(vertical["error_y"]["array"]).size == 10
+    )
+    # the table has the same number, and below it the phase: of both harmonics, as they stand clear of their errors
+    text = uncertain.read_text(encoding="utf-8")
+    row = re.search(r"<h3>Axle force z.*?<tr data-wheel=\"0\">(.*?)</tr>", text, re.DOTALL)[1]
+    cells = re.findall(r"<td>(.*?)</td>", row)
+    assert re.fullmatch(rf"{number(size[0])} \u00b1 [\d.]+<small>\d+\u00b0</small>", cells[2])
+    assert re.search(r"<small>\d+\u00b0</small>", cells[4])
+    assert "has no angle" not in text and "Of all wheels the log has no angle" in page.read_text(encoding="utf-8")
+
+
 def test_hostile_names_stay_text(tmp_path):
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
     folder = constant(tmp_path / "<script>alert(1)<", 0.5)
@@ -500,6 +788,15 @@ def test_a_log_is_reported_as_it_is_and_with_other_parameters_replayed(tmp_path)
 def test_what_cannot_be_used_is_refused_with_one_line(tmp_path):
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
     bag = constant(tmp_path / "in", 0.5)
+    for options, words in (
+        (["--samples", "0"], "--samples is 0"),
+        (["--samples", "9"], "needs errors"),
+        (["--errors", tmp_path / "none.json"], "there is no such file"),
+        (["--error", "zeta_1"], "FIELD=VALUE"),
+        (["--error", "zeta_1=5%", "--seed", "-1"], "--seed is -1"),
+        (["--errors", bag / "metadata.yaml"], "is no file of errors"),
+    ):
+        assert words in refused("report", bag, "-o", tmp_path / "page.html", *options)
     assert "its name must end in .html" in refused("report", bag, "-o", tmp_path / "page.pdf")
     assert "no such folder" in refused("report", bag, "-o", tmp_path / "none" / "page.html")
     assert "does not exist" in refused("report", tmp_path / "none", "-o", tmp_path / "page.html")
@@ -573,8 +870,11 @@ def shown(view, figure):
     return view.evaluate(f"{data}.map(trace => [(trace.meta || {{}}).wheel, trace.legendgroup, trace.visible])")
 
 
-@pytest.mark.parametrize(("size", "scheme"), [("desktop", "light"), ("phone", "dark")])
-def test_the_page_fits_and_draws_everything(browser, page, size, scheme):
+@pytest.mark.parametrize(
+    ("of", "size", "scheme"), [("page", "desktop", "light"), ("page", "phone", "dark"), ("uncertain", "phone", "light")]
+)
+def test_the_page_fits_and_draws_everything(browser, request, of, size, scheme):
+    page = request.getfixturevalue(of)
     with opened(browser, page, size, scheme) as view:
         assert view.evaluate("document.documentElement.scrollWidth") == SIZES[size][0]
         for plot in view.query_selector_all(".plot"):
@@ -589,7 +889,7 @@ def test_the_controls_do_what_they_say(browser, page):
     with opened(browser, page, "desktop") as view:
         # wheels
         view.click(".chip[data-wheel='1']")
-        for figure in ("forces", "spectra", "coverage"):
+        for figure in ("forces", "spectra", "variation", "coverage"):
             assert {w: v for w, _, v in shown(view, figure) if w is not None} == {0: True, 1: False, 2: True, 3: True}
         assert view.get_attribute(".chip[data-wheel='1']", "aria-pressed") == "false"
         assert "off" in view.get_attribute("tr[data-wheel='1']", "class")
@@ -647,10 +947,14 @@ def test_the_controls_do_what_they_say(browser, page):
 
 def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path):
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
-    constant(tmp_path / "in", 0.1, begin=BEGIN + SECOND)
+    constant(tmp_path / "in", 0.1, begin=BEGIN + SECOND, speed=20.0)
     assert called("report", tmp_path / "in", "-o", tmp_path / "page.html").returncode == 0
     with opened(browser, tmp_path / "page.html", "phone") as view:
         assert "No stretch of outputs is long enough" in view.inner_text("#spectra")
+        assert (
+            "wheel: 0.29 turns above 10 rpm" in view.inner_text("#variation")
+            and not view.locator("#plot-variation").count()
+        )
 
 
 @given(st.floats(1.0, 1e6), st.floats(1.1, 1e4))

@@ -20,16 +20,26 @@ from tire_dynamics.science.yaml_file import read_yaml, yaml_number
 
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
 RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]
-NOT_NEGATIVE = ["longitudinal_stiffness", "longitudinal_mass"]
-OTHERS = (*RATIOS, *NOT_NEGATIVE, "contact_half_angle", "sidewall_damping")
+NOT_NEGATIVE = ["longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"]
+HARMONICS = ["radial_nonuniformity", "tangential_nonuniformity", "radial_runout"]
+OTHERS = (*RATIOS, *NOT_NEGATIVE, *HARMONICS, "contact_half_angle", "imbalance_angle", "sidewall_damping")
 POSITIVE = [name for name in FIELDS if name not in OTHERS]
-NUMBERS = [*POSITIVE, *RATIOS, *NOT_NEGATIVE, "contact_half_angle"]
+NUMBERS = [*POSITIVE, *RATIOS, *NOT_NEGATIVE, "contact_half_angle", "imbalance_angle"]
 TABLE_1 = TireWheelUnit.table_1()
 CONFIG = Path(__file__).parents[1] / "config" / "table_1.yaml"
 
 positive = st.floats(min_value=1e-12, max_value=1e12)
 ratio = st.floats(min_value=0.0, max_value=1.0, exclude_max=True)
 half_angle = st.floats(min_value=0.0, max_value=0.5 * math.pi)
+angle = st.floats(-1e3, 1e3)
+
+
+def harmonics(most):
+    """Harmonics whose amplitudes add up to less than ``most``."""
+    one = st.tuples(st.integers(1, 100), st.floats(0.0, most / 5.0), angle)
+    return st.lists(one, max_size=4, unique_by=lambda item: item[0]).map(tuple)
+
+
 
 
 @st.composite
@@ -38,7 +48,8 @@ def mappings(draw):
     values = {name: draw(positive) for name in POSITIVE} | {name: draw(ratio) for name in RATIOS}
     values["thickness"] = values["radius"] * draw(st.floats(1e-3, 0.99))
     values["contact_half_angle"] = draw(half_angle)
-    values |= {name: draw(st.just(0.0) | positive) for name in NOT_NEGATIVE}
+    values |= {name: draw(st.just(0.0) | positive) for name in NOT_NEGATIVE} | {"imbalance_angle": draw(angle)}
+    values |= {name: draw(harmonics(1.0 if name != "radial_runout" else values["radius"])) for name in HARMONICS}
     return values | {"sidewall_damping": draw(st.sampled_from(["modal", "reaction"]))}
 
 
@@ -47,7 +58,8 @@ def test_fields():
         "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness", "radial_stiffness",
         "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s",
         "zeta_n", "contact_half_angle", "sidewall_damping", "longitudinal_stiffness", "longitudinal_damping_ratio",
-        "longitudinal_mass",
+        "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
+        "radial_runout", "contact_stiffness",
     ]  # fmt: skip
 
 
@@ -57,7 +69,8 @@ def test_fields():
 @given(values=mappings())
 def test_any_value_in_its_bounds_is_taken(values):
     unit = TireWheelUnit(**values)
-    assert unit.to_mapping() == values
+    kept = {name: [list(each) for each in values[name] if each[1]] for name in HARMONICS}  # with an amplitude
+    assert unit.to_mapping() == values | kept
     assert all(type(getattr(unit, name)) is float for name in NUMBERS)
 
 
@@ -107,6 +120,55 @@ def test_not_finite(name, value):
 @pytest.mark.parametrize("value", ["5.80e6", None, True, [1.0], 1j, np.array([1.0, 2.0])], ids=repr)
 def test_not_a_number(name, value):
     assert repr(value) in refused(name, value, "number")
+
+
+@pytest.mark.parametrize("name", HARMONICS)
+@pytest.mark.parametrize(
+    ("value", "bound"),
+    [
+        (3.0, "list of (harmonic, amplitude, angle)"),
+        ("2, 0.1, 0.0", "list of (harmonic, amplitude, angle)"),
+        (None, "list of (harmonic, amplitude, angle)"),
+        ([2.0, 0.1], "three for each harmonic"),
+        ([2.0, 0.1, 0.0, 3.0], "three for each harmonic"),
+        ([[2, 0.1]], "(harmonic, amplitude, angle)"),
+        ([(2, 0.1, 0.0), 7], "(harmonic, amplitude, angle)"),
+        ([(0, 0.1, 0.0)], "from 1 to 100"),
+        ([(101, 0.1, 0.0)], "from 1 to 100"),
+        ([(2.5, 0.1, 0.0)], "integer"),
+        ([(2, -0.1, 0.0)], ">= 0"),
+        ([(2, math.nan, 0.0)], "finite"),
+        ([(2, 0.1, math.inf)], "finite"),
+        ([(2, 10**400, 0.0)], "finite"),
+        ([(2, 0.1, 0.0), (2, 0.1, 1.0)], "once"),
+    ],
+    ids=repr,
+)
+def test_not_harmonics(name, value, bound):
+    refused(name, value, bound)
+
+
+def test_a_stiffness_below_zero_and_a_run_out_beyond_the_radius():
+    for name in HARMONICS[:2]:
+        refused(name, [(2, 1.0, 0.0)], "> 0")
+        assert TABLE_1.replace(**{name: [(2, 0.6, 0.0), (1, 0.6, 0.0)]})  # it is 0.28 of the mean at the least
+    refused("radial_runout", [(1, 0.2, 0.0), (2, 0.2, 0.0)], "< radius")
+
+
+def test_harmonics_as_one_row_of_numbers():
+    """As a ROS parameter has them; numbers of NumPy too."""
+    nested = TABLE_1.replace(radial_nonuniformity=[[2, 0.1, 0.3], [3, 0.05, -1.0]])
+    flat = TABLE_1.replace(radial_nonuniformity=np.array([2.0, 0.1, 0.3, 3.0, 0.05, -1.0]))
+    assert nested == flat and hash(nested) == hash(flat)
+    assert flat.radial_nonuniformity == ((2, 0.1, 0.3), (3, 0.05, -1.0))
+
+
+def test_what_is_uniform():
+    assert TABLE_1.is_uniform and TABLE_1.mean is TABLE_1
+    assert TABLE_1.replace(radial_runout=[(1, 0.0, 0.3)], imbalance_angle=1.0, contact_stiffness=1e5).is_uniform
+    for changes in ({"imbalance_mass": 0.1}, *({name: [(2, 1e-3, 0.0)]} for name in HARMONICS)):
+        unit = TABLE_1.replace(**changes)
+        assert not unit.is_uniform and unit.mean == TABLE_1
 
 
 def test_beyond_what_a_double_holds():
@@ -169,10 +231,11 @@ def test_frozen(name):
         setattr(TABLE_1, name, 1.0)
 
 
-@given(values=mappings(), name=st.sampled_from([name for name in FIELDS if name not in ("radius", "thickness")]))
+@given(values=mappings(), name=st.sampled_from(sorted({*FIELDS} - {"radius", "thickness", "radial_runout"})))
 def test_replace(values, name):
     unit = TABLE_1.replace(**{name: values[name]})
-    assert unit.to_mapping() == TABLE_1.to_mapping() | {name: values[name]}
+    value = values[name] if name not in HARMONICS else [list(each) for each in values[name] if each[1]]
+    assert unit.to_mapping() == TABLE_1.to_mapping() | {name: value}
     assert TABLE_1 == TireWheelUnit.table_1()
 
 

@@ -364,7 +364,7 @@ def test_snapshot_of_other_wheels_is_refused(vehicle):
 # -- stability --------------------------------------------------------------------------------------------------
 
 KEYS = ["wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s"]  # fmt: skip
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s"]  # fmt: skip
 
 
 @pytest.mark.parametrize("speed", [120.0, -120.0])

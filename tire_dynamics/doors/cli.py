@@ -16,6 +16,7 @@ from .errors import InputError
 __all__ = ["main", "node"]
 
 _MAX_RPM = 1e7
+_MOST_MODES = 12  # of the belt; more take minutes
 _MAX_LINE = 2000  # characters of an error: a stranger's file may have a million topics to list
 UNUSABLE = 2  # exit status for input that cannot be used
 SHELLS = ("bash", "zsh", "fish")
@@ -356,6 +357,13 @@ def _declare(commands: _Commands) -> None:
     )
     command.add_argument("--speed-rpm", metavar="R", type=float, required=True, help="speed of the wheel [rpm]")
     _add_config(command, "the fields of one unit, or parameters of the node")
+    command.add_argument(
+        "--n-max",
+        metavar="N",
+        type=int,
+        default=1,
+        help="with a sidewall that is not uniform: the modes n = 0 to N, which its harmonics couple (1: n = 1 alone)",
+    )
     uncertainty.add_arguments(command)
     command.add_argument("--json", action="store_true", help="as it is anyway")
     command.set_defaults(run=_stability)
@@ -557,16 +565,18 @@ def _stability(options: argparse.Namespace) -> int:
 
     if not abs(options.speed_rpm) <= _MAX_RPM:
         raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be between -{_MAX_RPM:g} and {_MAX_RPM:g}")
+    if not 1 <= options.n_max <= _MOST_MODES:
+        raise InputError(f"--n-max is {options.n_max}; it must be from 1 to {_MOST_MODES}")
     values = complete(read_config(options.config) if options.config else {})
     try:
-        reply = stability_reply("wheel", unit_of(values), options.speed_rpm * math.pi / 30.0, values["model"])
+        speed = options.speed_rpm * math.pi / 30.0
+        reply = stability_reply("wheel", unit_of(values), speed, values["model"], options.n_max)
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     if options.samples is not None:
         from .answer import plain
         from .uncertainty import uncertainty
 
-        speed = options.speed_rpm * math.pi / 30.0
         reply["uncertainty"] = plain(uncertainty(options, unit_of(values), speed, values["model"]))
     elif options.error:
         raise InputError("--error belongs to --samples, which is not given")

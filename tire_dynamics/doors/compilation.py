@@ -26,8 +26,11 @@ def compile_kernels(stopping: Callable[[], bool] = lambda: False) -> None:
     """
     if fastest_kernels() is kernels:
         return
-    vehicle = Vehicle(VehicleSettings(unit=TireWheelUnit.table_1(), ring_samples=3, n_max=2, ring_period=2_000_000))
+    tire = TireWheelUnit.table_1()
+    vehicle = Vehicle(VehicleSettings(unit=tire, ring_samples=3, n_max=2, ring_period=2_000_000))
     for tick in range(1, 4):
+        if tick == 3:
+            vehicle.set_unit(tire.replace(imbalance_mass=0.01))
         stamp = tick * 2_000_000
         vehicle.wheel_speed(0, stamp, 10.0 + tick)
         vehicle.load(0, stamp, stamp, 1000.0, 0.0)
@@ -37,6 +40,7 @@ def compile_kernels(stopping: Callable[[], bool] = lambda: False) -> None:
         vehicle.belts()
         if stopping():
             return
+    vehicle.set_unit(tire)
     ticks, none = np.arange(4, 7) * 2_000_000, np.empty(0, np.int64)
     speeds = [(np.zeros(1, np.int64), ticks[:1], np.array([20.0]))]
     vehicle.drive(Events(np.arange(1, 4), ticks, [], speeds, [(none, none, none, np.empty((0, 2)))]))

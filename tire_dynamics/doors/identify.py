@@ -298,7 +298,7 @@ def _columns(
             elif kind == "joint_states":
                 valid, stamp, groups = joints.decode_block(*where)
                 values = np.full((some.size, 1), math.nan)
-                for indices, joint_names, velocities in groups:
+                for indices, joint_names, velocities, _ in groups:
                     if joint in joint_names and joint_names.index(joint) < velocities.shape[1]:
                         values[indices, 0] = velocities[:, joint_names.index(joint)]
                     else:
@@ -457,7 +457,7 @@ def _content(found: Identification) -> dict[str, Any]:
 def yaml_of(found: Identification, name: str, errors: str) -> str:
     """The unit as ``TireWheelUnit.from_yaml`` reads it; what was fitted has a comment with its error."""
     from ..science.uncertainty import value_of
-    from ..science.yaml_file import yaml_number
+    from ..science.yaml_file import yaml_value
 
     title = name if name.isprintable() else ascii(name)
     lines = [f"# A unit by `tire-dynamics identify`, from {title}. SI units; config/table_1.yaml explains the fields."]
@@ -472,6 +472,6 @@ def yaml_of(found: Identification, name: str, errors: str) -> str:
         )
         comments |= {"radial_stiffness": whole, "tangential_stiffness": whole}
     for field, value in found.unit.to_mapping().items():
-        text = f"{field}: {yaml_number(value) if isinstance(value, float) else value}"
+        text = f"{field}: {yaml_value(value)}"
         lines.append(f"{text:44} # {comments[field]}" if field in comments else text)
     return "\n".join(lines) + "\n"

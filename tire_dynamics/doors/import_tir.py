@@ -130,7 +130,7 @@ def _short(value: Any) -> str:
 
 def yaml_of(result: TirUnit, name: str) -> str:
     """The unit as ``TireWheelUnit.from_yaml`` reads it, each field with a comment that says where it comes from."""
-    from ..science.yaml_file import yaml_number
+    from ..science.yaml_file import yaml_value
 
     title = name if name.isprintable() else ascii(name)
     lines = [f"# The rigid ring of {title}, by `tire-dynamics import-tir`. SI units; config/table_1.yaml"]
@@ -138,7 +138,7 @@ def yaml_of(result: TirUnit, name: str) -> str:
     lines += [f"# Note: {note}." for note in result.notes]
     for field, source in result.sources.items():
         value = getattr(result.unit, field)
-        text = f"{field}: {yaml_number(value) if isinstance(value, float) else value}"
+        text = f"{field}: {yaml_value(value)}"
         why = source.reason if source.kind == "given" else f"{source.kind}: {source.reason}"
         lines.append(f"{text:44} # {why}")
     return "\n".join(lines) + "\n"

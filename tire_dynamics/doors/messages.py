@@ -384,7 +384,7 @@ class JointStateDecoder:
     ) -> tuple[
         NDArray[np.bool_],
         NDArray[np.int64],
-        list[tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64]]],
+        list[tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64], NDArray[np.float64] | None]],
     ]:
         """Decode many messages.
 
@@ -400,36 +400,40 @@ class JointStateDecoder:
             False where ``decode`` raises ``MessageError``.
         stamp_ns : (N,) ndarray of int
             0 where not valid.
-        groups : list of (indices, names, velocities)
+        groups : list of (indices, names, velocities, positions)
             The valid messages with the same names and the same number of velocities K, (n,) and (n, K), in order;
-            the groups in the order of their first messages.
+            the groups in the order of their first messages. Positions are (n, K) too, or None where they are not K.
         """
         valid, stamp_ns = _unread(len(start))
-        found: dict[tuple[tuple[str, ...], int], list[tuple[NDArray[np.int64], NDArray[np.float64]]]] = {}
-        for some, (order, names, position, count) in _by_layout(data, start, size, self._layout):
+        found: dict[tuple[tuple[str, ...], int, bool], list[tuple[NDArray[Any], ...]]] = {}
+        for some, (order, names, places, count) in _by_layout(data, start, size, self._layout):
             valid[some], stamp_ns[some] = _stamps(data, start[some], order)
             some = some[valid[some]]
-            velocities = _columns(data, start[some] + position, count, order + "f8").astype(np.float64)
-            found.setdefault((names, count), []).append((some, velocities))
+            columns = [_columns(data, start[some] + place, count, order + "f8").astype(np.float64) for place in places]
+            found.setdefault((names, count, len(places) > 1), []).append((some, *columns))
         groups = []
-        for (names, _), parts in found.items():
-            indices, velocities = (np.concatenate(column) for column in zip(*parts, strict=True))
+        for (names, _, _), parts in found.items():
+            indices, *numbers = (np.concatenate(column) for column in zip(*parts, strict=True))
             in_order = np.argsort(indices)
-            groups.append((indices[in_order], names, velocities[in_order]))
+            velocities, *positions = (each[in_order] for each in numbers)
+            groups.append((indices[in_order], names, velocities, positions[0] if positions else None))
         return valid, stamp_ns, groups
 
-    def _layout(self, message: bytes) -> tuple[tuple[str, tuple[str, ...], int, int], list[_Range]]:
-        """Byte order, names, where the velocities are and how many."""
-        velocities = self.decode(message).velocities
+    def _layout(self, message: bytes) -> tuple[tuple[str, tuple[str, ...], tuple[int, ...], int], list[_Range]]:
+        """Byte order, names, where the velocities are and as many positions, and how many."""
+        self.decode(message)  # refuses what is none, and knows the names then
         order, _, position, names = self._known
         fixed = [(_BODY + 8, position)]
+        sizes, places = [], []
         for what in ("position", "velocity", "effort"):
-            end = position
             count = _aligned(position, 4)
             fixed.append((count, count + 4))
             if what != "effort":
-                _, position = _doubles(message, position, order, what)
-        return (order, names, end - 8 * len(velocities), len(velocities)), fixed
+                numbers, position = _doubles(message, position, order, what)
+                sizes.append(len(numbers))
+                places.append(position - 8 * len(numbers))
+        has_positions = sizes[0] == sizes[1]
+        return (order, names, (places[1], *places[:1]) if has_positions else (places[1],), sizes[1]), fixed
 
     def _names(self, data: bytes, order: str) -> tuple[tuple[str, ...], int]:
         _, position = _string(data, _BODY + 8, order, "header.frame_id")

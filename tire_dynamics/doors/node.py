@@ -33,6 +33,7 @@ from .errors import InputError
 from .log import Log
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
+from .variations import Variations
 from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
 
 __all__ = ["TireDynamicsNode", "run"]
@@ -83,6 +84,7 @@ class TireDynamicsNode(LifecycleNode):
     """
 
     _wiring: Wiring
+    _variations: Variations
     _log: Log | None
 
     def __init__(
@@ -222,6 +224,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _activate(self) -> None:
         self._wiring = Wiring(self._wiring.values)  # nothing of what was before
+        self._variations = Variations(len(self._wiring.vehicle.schedules))
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
@@ -389,6 +392,7 @@ class TireDynamicsNode(LifecycleNode):
         started = time.perf_counter()
         logged = self._put(TICK, now, stamp, messages.encode_clock(stamp))
         produced = self._wiring.tick(stamp)
+        self._variations.note(self._wiring.vehicle.angles, self._wiring.forces)
         for topic, data in produced:
             self._outputs[topic].publish(data)
         belts = self._wiring.belts()  # they take longer, and nobody waits for them
@@ -555,7 +559,7 @@ class TireDynamicsNode(LifecycleNode):
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
         try:
-            self._stabilities[index] = self._wiring.vehicle.stability(index)
+            self._stabilities[index] = self._wiring.vehicle.stability(index, quick=True)
         except (ArithmeticError, ValueError) as error:
             self._stabilities[index] = {"verdict": f"unknown: {error}"}
 
@@ -567,6 +571,7 @@ class TireDynamicsNode(LifecycleNode):
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
+            self._variations.take_up()
             array.status = [self._node_status()]
             for index in range(len(self._wiring.vehicle.schedules)):
                 array.status.append(self._wheel_status(index))
@@ -644,6 +649,9 @@ class TireDynamicsNode(LifecycleNode):
             "stability at speed [rad/s]": _shown(reply.get("speed_rad_s"), ".4f"),
             "spectral radius": _shown(reply.get("spectral_radius"), ".6f"),
             "critical speed [rad/s]": _shown(reply.get("critical_speed_rad_s"), ".2f"),
+            "periodicity": reply.get("periodicity", "not yet known"),
+            "nearest tongue [rad/s]": _shown(reply.get("nearest_tongue_rad_s"), ".2f"),
+            **self._variations.values(index),
             "stops for stale inputs": estimator.stops,
             "stops for divergence": estimator.divergences,
             **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},

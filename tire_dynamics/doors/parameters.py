@@ -11,7 +11,7 @@ from os import PathLike
 from typing import Any, Literal
 
 from ..estimator.vehicle import VehicleSettings
-from ..science.unit import TireWheelUnit
+from ..science.unit import HARMONICS, TireWheelUnit
 from ..science.yaml_file import read_yaml
 from .errors import InputError
 
@@ -95,6 +95,12 @@ _TIRE_UNITS = {
     "longitudinal_stiffness": "fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0 holds the wheel",
     "longitudinal_damping_ratio": "its damping ratio, zeta_x, in [0, 1)",
     "longitudinal_mass": "mass that moves fore and aft with the wheel, without the belt [kg]; 0: wheel_mass",
+    "radial_nonuniformity": "how k_z varies around the tire: harmonic, amplitude [-] and angle [rad] of each harmonic",
+    "tangential_nonuniformity": "likewise k_theta",
+    "imbalance_mass": "a mass on the belt that is too much [kg]",
+    "imbalance_angle": "where on the tire it is [rad]",
+    "radial_runout": "how much farther out the tread is: harmonic, amplitude [m] and angle [rad] of each harmonic",
+    "contact_stiffness": "by which run-out changes the load [N/m]; 0: the tire's own at rest",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
 
@@ -105,8 +111,12 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
         if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in ("longitudinal_stiffness", "longitudinal_mass"):
+        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"):
             row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
+        elif name == "imbalance_angle":
+            row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
+        elif name in HARMONICS:
+            row = dataclasses.replace(row, kind="double[]", default=(), positive=False)
         elif name == "contact_half_angle":
             row = dataclasses.replace(row, positive=False, low=0.0, high=0.5 * math.pi)
         elif name == "sidewall_damping":
@@ -280,12 +290,20 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
             raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
         values.pop("use_sim_time", None)  # a parameter of every node, not of this table
     else:
-        values = {f"tire.{name}": float(value) if type(value) is int else value for name, value in content.items()}
+        values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
     try:
         complete(values)
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return values
+
+
+def _as_parameter(value: Any) -> Any:
+    """A unit's value as a ROS parameter has it: numbers with a point, lists of lists as one list."""
+    if isinstance(value, list):
+        flat = [item for each in value for item in (each if isinstance(each, list) else [each])]
+        return [_as_parameter(item) for item in flat]
+    return float(value) if type(value) is int else value
 
 
 def _ros_sections(tree: Mapping[Any, Any], name: str = "") -> Iterator[tuple[str, Any]]:

@@ -62,7 +62,7 @@ def declare_loosely(node: Node) -> None:
         row = ROWS.get(name)
         value = values.get(name, row.default if row else None)
         descriptor = ParameterDescriptor(description=row.description if row else "", dynamic_typing=True)
-        _declare(node, name, None if value == () else value, descriptor)
+        _declare(node, name, value, descriptor)
 
 
 def _declare(node: Node, name: str, value: Any, descriptor: ParameterDescriptor) -> None:
@@ -70,7 +70,8 @@ def _declare(node: Node, name: str, value: Any, descriptor: ParameterDescriptor)
         if node.describe_parameter(name).read_only:
             return  # it is what it was when it was declared, and cannot be taken back
         node.undeclare_parameter(name)
-    node.declare_parameter(name, list(value) if isinstance(value, tuple) else value, descriptor, ignore_override=True)
+    value = (list(value) or None) if isinstance(value, tuple) else value  # rclpy takes an empty list for one of bytes
+    node.declare_parameter(name, value, descriptor, ignore_override=True)
 
 
 def _is_rclpys(name: str) -> bool:
@@ -89,6 +90,7 @@ def _descriptor(row: Parameter, read_only: bool) -> ParameterDescriptor:
         description=row.description,
         read_only=row.read_only and read_only,
         additional_constraints=" | ".join(row.choices),
+        dynamic_typing=row.kind == "double[]" and not row.read_only,  # it may be empty; our own check knows its type
     )
     low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
     if low is not None:

@@ -1,10 +1,11 @@
-"""``tire-dynamics stability --samples``: what errors of the parameters do to transmissibility and critical speed."""
+"""``--samples`` of ``stability`` and ``report``: what errors of the parameters do."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,14 +15,14 @@ from .identify import errors_file
 if TYPE_CHECKING:
     from ..science.unit import TireWheelUnit
 
-__all__ = ["add_arguments", "errors_of", "uncertainty"]
+__all__ = ["add_arguments", "check_samples", "errors_file", "errors_of", "uncertainty"]
 
 MOST = 100_000  # samples; some 0.6 ms each
 LARGEST = 8 * 2**20  # bytes of a file of errors
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options of ``stability`` that ask for bands."""
+    """Declare the options that ask for bands."""
     parser.add_argument(
         "--samples", metavar="N", type=int, help="add what errors of the parameters do, by N samples of the unit"
     )
@@ -59,11 +60,9 @@ def uncertainty(options: argparse.Namespace, unit: TireWheelUnit, speed: float, 
     """
     from ..science.uncertainty import SHARES, bands
 
-    if not 1 <= options.samples <= MOST:
-        raise InputError(f"--samples is {options.samples}; it must be from 1 to {MOST}")
-    if options.seed < 0:
-        raise InputError(f"--seed is {options.seed}; it must be at least 0")
-    errors, correlation = errors_of(options.config, unit, options.error)
+    check_samples(options.samples, options.seed)
+    path = errors_file(Path(options.config)) if options.config else None
+    errors, correlation = errors_of(path, unit, options.error)
     try:
         found = bands(unit, speed, errors, correlation, samples=options.samples, seed=options.seed, model=model)
     except (ArithmeticError, ValueError) as error:
@@ -80,13 +79,21 @@ def uncertainty(options: argparse.Namespace, unit: TireWheelUnit, speed: float, 
     }
 
 
-def errors_of(config: str | None, unit: TireWheelUnit, given: list[str]) -> tuple[dict[str, float], Any]:
+def check_samples(samples: int, seed: int) -> None:
+    """``InputError`` unless both are in bounds."""
+    if not 1 <= samples <= MOST:
+        raise InputError(f"--samples is {samples}; it must be from 1 to {MOST}")
+    if seed < 0:
+        raise InputError(f"--seed is {seed}; it must be at least 0")
+
+
+def errors_of(path: Path | None, unit: TireWheelUnit, given: Sequence[str]) -> tuple[dict[str, float], Any]:
     """Standard errors of logarithms, and their correlation or None.
 
     Parameters
     ----------
-    config : str or None
-        The unit's YAML, beside which :func:`.errors_file` may be.
+    path : Path or None
+        Where a file of errors may be.
     unit : TireWheelUnit
     given : list of str
         FIELD=VALUE, in place of what the file says of the field, and independent of all else.
@@ -97,7 +104,6 @@ def errors_of(config: str | None, unit: TireWheelUnit, given: list[str]) -> tupl
 
     errors: dict[str, float] = {}
     correlation: Any = None
-    path = errors_file(Path(config)) if config else None
     if path is not None and path.is_file():
         errors, correlation = _read(path, unit)
     for text in given:

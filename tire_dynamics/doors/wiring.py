@@ -238,8 +238,9 @@ class Wiring:
         place = of("joint_states")
         valid, stamp, groups = self._joint_decoder.decode_block(stretch.data, stretch.start[place], stretch.size[place])
         usable("joint_states", place, valid)
-        for some, names, velocities in groups:
-            joint_states.append((names, place[some], stretch.received[place[some]], stamp[some], velocities))
+        for some, names, velocities, positions in groups:
+            where = place[some], stretch.received[place[some]], stamp[some]
+            joint_states.append((names, *where, velocities, positions))
         for wheel in self.vehicle.settings.wheels:
             place = of(name := f"{wheel}/wheel_speed")
             valid, speed = messages.decode_float64s(stretch.data, stretch.start[place], stretch.size[place])
@@ -301,7 +302,7 @@ class Wiring:
 
         def receive(received: int, data: bytes) -> None:
             state = decode(data)
-            take(received, state.stamp_ns, state.names, state.velocities)
+            take(received, state.stamp_ns, state.names, state.velocities, state.positions)
 
         return receive
 

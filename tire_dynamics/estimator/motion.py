@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import ModuleType
 from typing import Any, Final
@@ -9,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import kernels, wheel
+from ..science import kernels, turning, wheel
 from ..science.stepping import Room
 from ..science.unit import TireWheelUnit
 from .belt import BeltMotion, BeltShape, Path
@@ -73,6 +74,7 @@ class Motion:
         self.unit = unit
         self.state = wheel.reshaped(self.state, wheel.states(unit, self.model))
         self._stepper = wheel.stepper(unit, self.model)
+        self._turning = turning.turning(unit, self.model)
         self._series = self._series_at(self.turning_at).copy()
         self._output_at: list[float] = []
         self.belt.set_unit(unit)
@@ -87,34 +89,39 @@ class Motion:
         self._turn(index, 0.0)
         self.belt.reset(index)
 
-    def start(self, index: int, speed: float, load: float, traction: float) -> None:
-        """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
-        self.state[index] = wheel.equilibrium(self.unit, speed, load, traction, self.model)
+    def start(self, index: int, speed: float, load: float, traction: float, angle: float = math.nan) -> None:
+        """Be in the steady state of a speed [rad/s], a load and a traction [N], at the wheel's angle [rad] or 0."""
+        angle = 0.0 if math.isnan(angle) else angle
+        self.state[index] = turning.steady_state(self.unit, speed, load, traction, angle, self.model)
         self._turn(index, speed)
-        self.phase[index] = 0.0
+        self.phase[index] = angle
         self.belt.start(index, speed, load, traction)
 
     def _turn(self, index: int, speed: float) -> None:
         if speed != self.turning_at[index]:
             self.turning_at[index] = speed
-            self._series = self._series.copy()
-            self._series[index] = self._series_at(np.array([speed]))[0]
+            if self._turning is None:
+                self._series = self._series.copy()
+                self._series[index] = self._series_at(np.array([speed]))[0]
 
     def follow(self, plans: Sequence[Plan]) -> None:
         """Take every wheel through its plan."""
         every: list[tuple[int, float, float, float]] = []
+        every_angle: list[float] = []
         stop = []
-        for index, (start, steps) in enumerate(plans):
+        for index, (start, steps, angles) in enumerate(plans):
             if start is not None:
                 self.start(index, *start)
             if steps:
                 self.belt.hold(index, steps)
                 every += steps
+                every_angle += angles
             stop.append(len(every))
         if every:
             ends = np.array([stop])
             with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given up at the end of it
-                self._advance(np.array(every, dtype=np.float64), np.array([0, *stop[:-1]]), ends)
+                steps_of_all = np.array(every, dtype=np.float64)
+                self._advance(steps_of_all, np.array(every_angle), np.array([0, *stop[:-1]]), ends)
 
     @np.errstate(over="ignore", invalid="ignore")
     def follow_stretches(
@@ -148,12 +155,14 @@ class Motion:
         stop = np.repeat(begin[None, :], ticks, axis=0)
         for index, stretch in stretches.items():
             stop[:, index] += stretch.done
-        steps = np.empty((counts.sum(), 4))
+        steps, angles = np.empty((counts.sum(), 4)), np.empty(counts.sum())
         for index, stretch in stretches.items():
             mine = steps[begin[index] : begin[index] + counts[index]]
+            angles[begin[index] : begin[index] + counts[index]] = stretch.angle
             mine[:, 0], mine[:, 1], mine[:, 2:] = stretch.length, stretch.speed, stretch.force
         kept = self.state.copy(), self.turning_at.copy(), self.phase.copy(), self._series
-        states = self._advance(steps, begin, stop)[:, wheels]
+        every_state, phases = self._advance(steps, angles, begin, stop)
+        states = every_state[:, wheels]
         if not (np.abs(states) < _BEYOND_ALL_BOUNDS).all():
             self.state, self.turning_at, self.phase, self._series = kept
             return None
@@ -161,6 +170,7 @@ class Motion:
             return np.empty((ticks, 0, 2)), []
         speeds = np.stack([stretch.speed_at for stretch in stretches.values()], axis=1)
         forces = wheel.axle_forces(wheel.output_matrices(self.unit, speeds, self.model), states)
+        self._add_pull(forces, states, phases[:, wheels])
         paths = {
             index: Path(stretch.length, stretch.speed, -stretch.force, stretch.done[shown[index]])
             for index, stretch in stretches.items()
@@ -169,14 +179,44 @@ class Motion:
         belts = shape.sums(wheel.belt_amplitudes(at_ends, self.model), self.belt.follow(paths), self.kernels)
         return forces, np.split(belts, np.cumsum([shown[index].size for index in wheels[:-1]]))
 
-    def _advance(self, steps: FloatArray, begin: IntArray, stop: IntArray) -> FloatArray:
-        """States at the ticks (T, W, n) after steps: length [ns], speed, load and traction, wheel after wheel."""
+    def _advance(
+        self, steps: FloatArray, angles: FloatArray, begin: IntArray, stop: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """States (T, W, n) and, of a tire that is not uniform, phases (T, W) at the ticks after steps, wheel by wheel.
+
+        Each step has length [ns], speed, load and traction, and an angle where it is told.
+        """
+        if self._turning is not None:
+            return self._advance_turning(self._turning, steps, angles, begin, stop)
         which, series, jump = self._speeds(steps[:, 1], begin, stop[-1])
         stepper = self._stepper
         states: FloatArray = self.kernels.advance_first(
-            self.state, self.phase, series, stepper.longest_step, stepper.top_speed, steps, which, jump, begin, stop
+            *(self.state, self.phase, series, stepper.longest_step, stepper.top_speed),
+            *(steps, which, jump, angles, begin, stop),
         )
-        return states
+        return states, np.broadcast_to(self.phase, states.shape[:2])
+
+    def _advance_turning(
+        self, parts: turning.Turning, steps: FloatArray, angles: FloatArray, begin: IntArray, stop: IntArray
+    ) -> tuple[FloatArray, FloatArray]:
+        speed, end = steps[:, 1], stop[-1]
+        moving = np.flatnonzero(end > begin)
+        before = np.empty_like(speed)
+        before[1:] = speed[:-1]
+        before[begin[moving]] = self.turning_at[moving]
+        jump = speed - before if self.model == "complete" else np.zeros_like(speed)
+        self.turning_at[moving] = speed[end[moving] - 1]
+        seconds = np.concatenate([steps[:, :1] * 1e-9, steps[:, 1:]], axis=1)
+        held = np.zeros((len(steps), 2))
+        states, phases = self.kernels.advance_turning(
+            self.state, self.phase, *parts[:9], seconds, held, jump, angles, begin, stop
+        )
+        return states, phases
+
+    def _add_pull(self, forces: FloatArray, states: FloatArray, phases: FloatArray) -> None:
+        """Add to axle forces (..., 2) what a sidewall that is not uniform does on a wheel that is held fore and aft."""
+        if self._turning is not None and self.unit.is_held:
+            forces[..., 0] += turning.axle_pull(self._turning, states, phases)
 
     def _speeds(self, speed: FloatArray, begin: IntArray, end: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Which transitions each step needs, those transitions' series, and the changes of the speed."""
@@ -217,6 +257,9 @@ class Motion:
             self._output_at = list(speeds)
             self._output = wheel.output_matrices(self.unit, np.array(speeds), self.model)
         forces, largest = self.kernels.read(self.state, self._output)
+        if self._turning is not None:
+            with np.errstate(over="ignore", invalid="ignore"):
+                self._add_pull(forces, self.state, self.phase)
         return forces, largest < _BEYOND_ALL_BOUNDS  # false for NaN
 
     def deflections(self, indices: Sequence[int], shape: BeltShape) -> FloatArray:

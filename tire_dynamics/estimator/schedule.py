@@ -20,6 +20,7 @@ IntArray = NDArray[np.int64]
 
 _FOR_EVER: Final = 2**62  # [ns]
 _NEVER: Final = 2**70
+_FULL_TURN: Final = 2.0 * math.pi
 
 
 class _Sample(NamedTuple):
@@ -69,6 +70,11 @@ def _sample(stamp: int, values: Iterable[float]) -> _Sample:
     return _Sample(operator.index(stamp), tuple(float(value) + 0.0 for value in values))
 
 
+def _known(values: Iterable[float]) -> tuple[float, ...]:
+    """Without those that are NaN."""
+    return tuple(value for value in values if value == value)
+
+
 def _stamp(sample: _Sample) -> int:
     return sample.stamp
 
@@ -76,11 +82,14 @@ def _stamp(sample: _Sample) -> int:
 class Plan(NamedTuple):
     """What a wheel does until a moment: it may start anew, and then goes through steps, if it is in motion.
 
-    A step is its length [ns], and the speed [rad/s], the load and the traction [N] that are held over it.
+    A step is its length [ns], and the speed [rad/s], the load and the traction [N] that are held over it. ``angles``
+    are the wheel's at the beginning of each step [rad] where a sample has just told it, else NaN.
+    ``start`` ends with one.
     """
 
-    start: tuple[float, float, float] | None
+    start: tuple[float, float, float, float] | None
     steps: list[tuple[int, float, float, float]]
+    angles: list[float]
 
 
 class Samples(NamedTuple):
@@ -88,18 +97,19 @@ class Samples(NamedTuple):
 
     after: IntArray
     stamp: IntArray
-    values: FloatArray  # (N, 1) or (N, 2)
+    values: FloatArray  # (N, 2): load and traction, or speed and the wheel's angle, NaN where it is not known
 
 
 class Stretch(NamedTuple):
     """Steps over several ticks: lengths [ns], speeds [rad/s], forces [N] (I, 2), and steps done by each tick (T,).
 
-    ``speed_at`` and ``load_at`` are in force at the ticks.
+    ``angle`` is as in :class:`Plan`; ``speed_at`` are in force at the ticks.
     """
 
     length: IntArray
     speed: FloatArray
     force: FloatArray
+    angle: FloatArray
     done: IntArray
     speed_at: FloatArray
 
@@ -130,10 +140,19 @@ class Schedule:
         self._diverged = False
         self._speed = _Input()
         self._load = _Input()
+        self._told: float | None = None  # the last angle
+        self._turned: _Sample | None = None  # the speed whose angle has been used
 
-    def add_speed(self, stamp: int, speed: float) -> Outcome:
-        """Take a sample of the spin [rad/s]."""
-        outcome = self._speed.add(_sample(stamp, (speed,)), self.time)
+    def add_speed(self, stamp: int, speed: float, angle: float = math.nan) -> Outcome:
+        """Take a sample of the spin [rad/s] and, where it is known, of the wheel's angle [rad].
+
+        An angle that is the last one again is none: who publishes no positions may publish zeros.
+        """
+        is_known = math.isfinite(angle) and angle != self._told and math.isfinite(speed)
+        if is_known:
+            self._told = float(angle) + 0.0
+        values = (speed, angle) if is_known else (speed,)
+        outcome = self._speed.add(_sample(stamp, values), self.time)
         self.counts[outcome] += 1
         return outcome
 
@@ -145,14 +164,15 @@ class Schedule:
 
     def plan(self, stamp: int) -> Plan:
         """Go on to a time [ns]; ``ValueError`` if it lies before the one reached already."""
-        start: tuple[float, float, float] | None = None
+        start: tuple[float, float, float, float] | None = None
         steps: list[tuple[int, float, float, float]] = []
+        angles: list[float] = []
         speeds, loads = self._speed, self._load
         time = stamp if self.time is None else self.time
         if stamp < time:
             raise ValueError(f"stamp is {stamp}; the estimator has already reached {time}")
         if self.time is not None and not self.running and self._starts(time):  # with what came late
-            start = (self.speed, *self.load)
+            start = (self.speed, *self.load, self._angle(time))
         while True:
             moment = stamp
             if speeds.waiting and speeds.waiting[0].stamp < moment:
@@ -167,6 +187,7 @@ class Schedule:
                     self.stops += 1
                 elif moment > time:
                     steps.append((moment - time, speed.values[0], load.values[0], load.values[1]))
+                    angles.append(self._angle(time))
             time = moment
             let_in = False
             if speeds.waiting and speeds.waiting[0].stamp == moment:
@@ -177,9 +198,19 @@ class Schedule:
                 let_in = True
             if not let_in:
                 self.time = moment
-                return Plan(start, steps)
+                return Plan(start, steps, angles)
             if not self.running and self._starts(moment):
-                start, steps = (self.speed, *self.load), []
+                start, steps, angles = (self.speed, *self.load, self._angle(moment)), [], []
+
+    def _angle(self, moment: int) -> float:
+        """The wheel's angle at a moment [rad] if the speed in force brought one; NaN from the second time on."""
+        sample = self._speed.in_force
+        if sample is None or sample is self._turned:
+            return math.nan
+        self._turned = sample
+        if len(sample.values) == 1:
+            return math.nan
+        return math.fmod(sample.values[1] + sample.values[0] * ((moment - sample.stamp) * 1e-9), _FULL_TURN)
 
     def _starts(self, moment: int) -> bool:
         if moment > self._expiry() or self._diverged and self._unstable(self.speed):
@@ -221,20 +252,30 @@ class Schedule:
         if not self.running or self.time is None or not ticks.size or ticks[0] < self.time:
             return None
         before = np.concatenate([[self.time], ticks])
-        speed, load = _in_force(self._speed, speeds, before), _in_force(self._load, loads, before)
+        told = np.concatenate([[math.nan if self._told is None else self._told], speeds.values[:, 1] + 0.0])
+        known = np.flatnonzero(np.isfinite(told))
+        again = known[1:][told[known[1:]] == told[known[:-1]]] - 1
+        new = speeds.values.copy()
+        new[again, 1] = math.nan
+        new_speeds = speeds._replace(values=new)
+        speed, load = _in_force(self._speed, new_speeds, before), _in_force(self._load, loads, before)
         if speed is None or load is None:
             return self._one_by_one(ticks, speeds, loads)
         moments = np.unique(np.concatenate([before, speed.since[1:], load.since[1:]]))
         moments = moments[: np.searchsorted(moments, ticks[-1], side="right")]
         began, ended = moments[:-1], moments[1:]
         at = [np.searchsorted(each.since, began, side="right") - 1 for each in (speed, load)]
-        oldest = np.minimum(speed.stamp[at[0]], load.stamp[at[1]])
-        if (ended - oldest > self.timeout).any():
+        stamp = speed.stamp[at[0]]
+        if (ended - np.minimum(stamp, load.stamp[at[1]]) > self.timeout).any():
             return None
+        turned = 0 if self._turned is not None and self._turned is self._speed.in_force else -1
+        angle = np.fmod(speed.values[at[0], 1] + speed.values[at[0], 0] * ((began - stamp) * 1e-9), _FULL_TURN)
+        angle[at[0] == np.concatenate([[turned], at[0][:-1]])] = math.nan
         result = Stretch(
             ended - began,
             speed.values[at[0], 0],
             load.values[at[1]],
+            angle,
             np.searchsorted(ended, ticks, side="right"),
             speed.values[speed.at_tick, 0],
         )
@@ -242,7 +283,9 @@ class Schedule:
             self.counts["late"] += each.late
             self.counts["taken"] += samples.stamp.size - each.late
             rest = zip(each.stamp[each.last :].tolist(), each.values[each.last :].tolist(), strict=True)
-            kept.in_force, *kept.waiting = (_Sample(stamp, tuple(values)) for stamp, values in rest)
+            kept.in_force, *kept.waiting = (_Sample(stamp, _known(values)) for stamp, values in rest)
+        self._told = float(told[known[-1]]) if known.size else None
+        self._turned = self._speed.in_force if speed.last == (at[0][-1] if at[0].size else turned) else None
         self.counts += Counter()  # without those that are zero
         self.time = int(ticks[-1])
         return result
@@ -258,6 +301,7 @@ class Schedule:
         """:meth:`stretch` for samples whose stamps do not ascend."""
         kept, running = self.keep(), self.running
         steps: list[tuple[int, float, float, float]] = []
+        angles: list[float] = []
         done, speed_at = [], []
         samples = [(after, 0, k) for k, after in enumerate(speeds.after.tolist())]
         samples += [(after, 1, k) for k, after in enumerate(loads.after.tolist())]
@@ -276,12 +320,12 @@ class Schedule:
                 self.put_back(kept)
                 return None
             steps += plan.steps
+            angles += plan.angles
             done.append(len(steps))
             speed_at.append(self.speed)
         columns = np.array(steps, dtype=np.float64).reshape(-1, 4)
-        return Stretch(
-            columns[:, 0].astype(np.int64), columns[:, 1], columns[:, 2:], np.array(done, np.int64), np.array(speed_at)
-        )
+        length, ends = columns[:, 0].astype(np.int64), np.array(done, np.int64)
+        return Stretch(length, columns[:, 1], columns[:, 2:], np.array(angles), ends, np.array(speed_at))
 
     # -- what can be read -----------------------------------------------------------------------------------
 
@@ -322,6 +366,8 @@ class Schedule:
             "time": self.time,
             "running": self.running,
             "diverged": self._diverged,
+            "told": self._told,
+            "turned": self._turned is not None and self._turned is self._speed.in_force,
             "speed": self._speed.snapshot(),
             "load": self._load.snapshot(),
         }
@@ -333,6 +379,8 @@ class Schedule:
         self._diverged = snapshot["diverged"]
         self._speed.restore(snapshot["speed"])
         self._load.restore(snapshot["load"])
+        self._told = snapshot.get("told")
+        self._turned = self._speed.in_force if snapshot.get("turned", True) else None
 
 
 class _InForce(NamedTuple):
@@ -355,7 +403,7 @@ def _in_force(known: _Input, samples: Samples, before: IntArray) -> _InForce | N
     stamp = np.concatenate([np.array([each.stamp for each in held], np.int64), samples.stamp])
     if not (stamp[1:] > stamp[:-1]).all():
         return None
-    values = np.concatenate([np.array([each.values for each in held]), samples.values + 0.0])
+    values = np.concatenate([np.array([(*each.values, math.nan)[:2] for each in held]), samples.values + 0.0])
     received = np.concatenate([np.zeros(len(held), np.int64), samples.after])
     arrived = before[received]  # the time that had been reached
     since = np.maximum(stamp, arrived)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..science import wheel
+from ..science import turning, wheel
 from ..science.modes import RingModes
 from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
 from .belt import BeltShape, belt_numbers
+from .motion import fastest_kernels
 
 __all__ = ["Response", "simulate"]
 
@@ -58,6 +60,7 @@ def simulate(
     n_max: int = 30,
     psi: ArrayLike | None = None,
     model: wheel.Model = "inextensional",
+    angle: float = 0.0,
 ) -> Response:
     """The unit's motion under given speed, load and traction.
 
@@ -77,6 +80,8 @@ def simulate(
     psi : array_like, shape (P,), optional
         Angles fixed in space at which the belt's deflection is wanted [rad].
     model : {"inextensional", "complete"}
+    angle : float
+        Of the wheel at the first sample [rad]; only a tire that is not the same all around asks for it.
 
     Returns
     -------
@@ -92,7 +97,7 @@ def simulate(
     The step is exact for a load and a traction that are linear over it and a constant speed; a speed that
     changes is held at its middle value, which errs with the square of the step. That holds for the n = 1 motion
     with the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum
-    is the deflection.
+    is the deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():
@@ -104,7 +109,7 @@ def simulate(
         [_series("load", load, t.size), _series("traction", 0.0 if traction is None else traction, t.size)], axis=1
     )
     if initial == "equilibrium":
-        start = wheel.equilibrium(unit, float(omega[0]), float(force[0, 0]), float(force[0, 1]), model)
+        start = turning.steady_state(unit, float(omega[0]), float(force[0, 0]), float(force[0, 1]), angle, model)
     elif initial == "rest":
         start = np.zeros(wheel.stepper(unit, model).states)
     else:
@@ -113,9 +118,15 @@ def simulate(
     shape = BeltShape(psi, numbers) if psi is not None else None
 
     steps = Steps(t, omega)
-    states = _integrate(unit, steps, force, start, model)
+    parts = turning.turning(unit, model)
     system = wheel.fixed_frame(unit, model)
+    if parts is None:
+        states = _integrate(unit, steps, force, start, model)
+    else:
+        states, angles = _integrate_turning(parts, steps, force, start, angle, model)
     axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
+    if parts is not None and unit.is_held:
+        axle[:, 0] += turning.axle_pull(parts, states, angles)
     u_z = u_theta = None
     if shape is not None:
         modes = RingModes(unit, numbers, model)
@@ -159,6 +170,22 @@ def _integrate(
             out += push
             state = out
     return states
+
+
+def _integrate_turning(
+    parts: turning.Turning, steps: Steps, force: FloatArray, start: FloatArray, angle: float, model: wheel.Model
+) -> tuple[FloatArray, FloatArray]:
+    """The same of a tire that is not the same all around, and the wheel's angles (N,)."""
+    count = steps.count
+    state, phase = start[None].copy(), np.array([angle])
+    before = np.concatenate([[steps.first_speed], steps.speeds[:-1]])[:count]
+    jump = steps.speeds - before if model == "complete" else np.zeros(count)
+    inputs = np.column_stack([steps.lengths, steps.speeds, force[:-1]])
+    begin, stop = np.zeros(1, np.int64), np.arange(1, count + 1)[:, None]
+    states, phases = fastest_kernels().advance_turning(
+        state, phase, *parts[:9], inputs, np.diff(force, axis=0), jump, np.full(count, math.nan), begin, stop
+    )
+    return np.concatenate([start[None], states[:, 0]]), np.concatenate([[angle], phases[:, 0]])
 
 
 def _single(values: FloatArray) -> FloatArray:

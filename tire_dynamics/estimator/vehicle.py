@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import operator
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -12,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import wheel
+from ..science import nonuniform, wheel
 from ..science.unit import TireWheelUnit
 from .belt import BeltShape, belt_numbers, ring_angles
 from .motion import Motion
@@ -65,7 +66,8 @@ class Events(NamedTuple):
     ----------
     tick_place, ticks : ndarray of int, shape (T,)
     joint_states : list of tuple
-        Joint names, place, receipt and stamp (N,), velocities (N, k) [rad/s], of messages with the same names.
+        Joint names, place, receipt and stamp (N,), velocities (N, k) [rad/s] and positions (N, k) [rad] or None, of
+        messages with the same names.
     wheel_speeds : list of tuple
         For each wheel: place and receipt (N,), speed (N,) [rad/s].
     loads : list of tuple
@@ -74,7 +76,7 @@ class Events(NamedTuple):
 
     tick_place: IntArray
     ticks: IntArray
-    joint_states: list[tuple[tuple[str, ...], IntArray, IntArray, IntArray, FloatArray]]
+    joint_states: list[tuple[tuple[str, ...], IntArray, IntArray, IntArray, FloatArray, FloatArray | None]]
     wheel_speeds: list[tuple[IntArray, IntArray, FloatArray]]
     loads: list[tuple[IntArray, IntArray, IntArray, FloatArray]]
 
@@ -147,6 +149,11 @@ class Vehicle:
         return self._motion.unit
 
     @property
+    def angles(self) -> FloatArray:
+        """How far every wheel has turned, modulo 2 pi [rad]: as joint_states told it last, or since the start."""
+        return self._motion.phase
+
+    @property
     def counts(self) -> list[Counter[str]]:
         """What became of the inputs of each wheel."""
         return [schedule.counts for schedule in self.schedules]
@@ -156,13 +163,21 @@ class Vehicle:
 
     # -- inputs ---------------------------------------------------------------------------------------------
 
-    def joint_states(self, received: int, stamp: int, names: Sequence[str], velocities: Sequence[float]) -> None:
-        """The spin of every wheel whose joint is named [rad/s]; other joints are left alone."""
+    def joint_states(
+        self,
+        received: int,
+        stamp: int,
+        names: Sequence[str],
+        velocities: Sequence[float],
+        positions: Sequence[float] = (),
+    ) -> None:
+        """The spin [rad/s] and, where there is one per name, the angle [rad] of every wheel whose joint is named."""
         if len(velocities) != len(names):
             self.message_counts["no velocity"] += 1
             return
+        angles = positions if len(positions) == len(names) else [math.nan] * len(names)
         for index, position in self._where(tuple(names)):
-            self._speed(index, received, stamp, velocities[position])
+            self._speed(index, received, stamp, velocities[position], angles[position])
 
     def wheel_speed(self, index: int, received: int, speed: float) -> None:
         """The spin of one wheel [rad/s], as of its receipt."""
@@ -183,14 +198,14 @@ class Vehicle:
             load = 0.0
         self.schedules[index].add_load(accepted, load, traction)
 
-    def _speed(self, index: int, received: int, stamp: int, speed: float) -> None:
+    def _speed(self, index: int, received: int, stamp: int, speed: float, angle: float = math.nan) -> None:
         accepted = self._accept(index, received, stamp)
         if accepted is None:
             return
         if abs(speed) > self.settings.max_speed:
             self.schedules[index].counts["speed too high"] += 1
             return
-        self.schedules[index].add_speed(accepted, speed)
+        self.schedules[index].add_speed(accepted, speed, angle)
 
     def _accept(self, index: int, received: int, stamp: int) -> int | None:
         if stamp == 0:
@@ -302,26 +317,30 @@ class Vehicle:
 
     def _speed_events(self, events: Events) -> list[Samples]:
         """The samples of speed of each wheel."""
-        parts: list[list[tuple[IntArray, IntArray, IntArray, FloatArray]]] = [
-            [(place, received, received, speed)] for place, received, speed in events.wheel_speeds
+        parts: list[list[tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray]]] = [
+            [(place, received, received, speed, np.full_like(speed, math.nan))]
+            for place, received, speed in events.wheel_speeds
         ]
-        for names, place, received, stamp, velocities in events.joint_states:
+        for names, place, received, stamp, velocities, positions in events.joint_states:
             if velocities.shape[1] != len(names):
                 self.message_counts["no velocity"] += place.size
                 continue
             for index, position in self._where(names, place.size):
-                parts[index].append((place, received, stamp, velocities[:, position]))
+                angle = np.full(place.size, math.nan) if positions is None else positions[:, position]
+                parts[index].append((place, received, stamp, velocities[:, position], angle))
         samples = []
         for index, pieces in enumerate(parts):
-            place, received, stamp, speed = (np.concatenate(columns) for columns in zip(*pieces, strict=True))
+            columns = [np.concatenate(column) for column in zip(*pieces, strict=True)]
             if len(pieces) > 1:
-                order = np.argsort(place, kind="stable")
-                place, received, stamp, speed = place[order], received[order], stamp[order], speed[order]
+                order = np.argsort(columns[0], kind="stable")
+                columns = [column[order] for column in columns]
+            place, received, stamp, speed, angle = columns
             stamp, usable = self._usable(index, received, stamp)
             self._refuse(index, "speed too high", usable, np.abs(speed) > self.settings.max_speed)
             self._refuse(index, "not finite", usable, ~np.isfinite(speed))
             after = np.searchsorted(events.tick_place, place[usable])
-            samples.append(Samples(after, stamp[usable], speed[usable, None]))
+            values = np.stack([speed, np.where(np.isfinite(angle), angle, math.nan)], axis=1)
+            samples.append(Samples(after, stamp[usable], values[usable]))
         return samples
 
     def _usable_loads(
@@ -371,17 +390,23 @@ class Vehicle:
             schedule.restore(state)
             self._motion.restore(index, state)
 
-    def stability(self, index: int) -> dict[str, Any]:
-        """The stability reply for one wheel at its present speed; at standstill before there is a speed."""
+    def stability(self, index: int, *, quick: bool = False) -> dict[str, Any]:
+        """The stability reply for one wheel at its present speed; at standstill before there is a speed.
+
+        Of a tire that is not uniform this takes longer the slower it turns; ``quick`` takes 20 rad/s for less.
+        """
         speed = self.schedules[index].speed
+        if quick and speed and not self.unit.is_uniform:
+            speed = math.copysign(max(abs(speed), 20.0), speed)
         return stability_reply(self.settings.wheels[index], self.unit, speed, self.settings.model)
 
 
 def stability_reply(
-    name: str, unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional"
+    name: str, unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 1
 ) -> dict[str, Any]:
-    """The Floquet stability of a unit at a speed [rad/s], in the form of the service's JSON."""
-    result = wheel.stability(unit, speed, model)
+    """The Floquet stability of a unit at a speed [rad/s], of modes up to ``n_max``, as the service's JSON has it."""
+    sidewall = nonuniform.Nonuniformity.of(unit)
+    result = nonuniform.stability(unit, sidewall, speed, model, n_max)
     multipliers = result.multipliers
     return {
         "wheel": name,
@@ -392,4 +417,6 @@ def stability_reply(
         "multipliers": None if multipliers is None else [[mu.real, mu.imag] for mu in multipliers.tolist()],
         "exponents_1_s": [[value.real, value.imag] for value in result.exponents.tolist()],
         "critical_speed_rad_s": wheel.critical_speed(unit, model),
+        "periodicity": "genuine" if nonuniform.is_genuine(unit, model, n_max) else "reducible",
+        "nearest_tongue_rad_s": nonuniform.nearest_tongue(unit, sidewall, speed, model),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from typing import Any
@@ -116,9 +117,12 @@ class WheelEstimator:
 
     # -- samples and time -----------------------------------------------------------------------------------
 
-    def add_speed(self, stamp: int, speed: float) -> Outcome:
-        """Take a sample of the spin [rad/s], positive rolling forward."""
-        return self._schedule.add_speed(stamp, speed)
+    def add_speed(self, stamp: int, speed: float, angle: float = math.nan) -> Outcome:
+        """Take a sample of the spin [rad/s], positive rolling forward, and of the wheel's angle [rad] if it is known.
+
+        Only a tire that is not the same all around asks for the angle; from sample to sample it follows the spin.
+        """
+        return self._schedule.add_speed(stamp, speed, angle)
 
     def add_load(self, stamp: int, load: float, traction: float = 0.0) -> Outcome:
         """Take a sample of the vertical load, up positive, and of the traction along x_ros, on the tire [N]."""
@@ -180,7 +184,7 @@ class WheelEstimator:
 
     @property
     def phase(self) -> float:
-        """Angle turned since the start, modulo 2 pi [rad]."""
+        """How far the wheel has turned, modulo 2 pi [rad]: as it was told last, or since the start."""
         return float(self._motion.phase[0])
 
     @property

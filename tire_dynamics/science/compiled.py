@@ -15,9 +15,19 @@ from numpy.typing import NDArray
 
 from .coefficients import formula, twist
 from .elementary import COSINE, DOUBLING, EXPONENTIAL, LARGEST, PER_DOUBLING, PER_QUARTER, QUARTER, ROUND, SINE
-from .kernels import MOST_TOGETHER
+from .kernels import LONGEST, MOST_TOGETHER, NEGLIGIBLE
 
-__all__ = ["advance_first", "deflections", "follow", "read", "series", "take_up", "whirl_changes", "whirls"]
+__all__ = [
+    "advance_first",
+    "advance_turning",
+    "deflections",
+    "follow",
+    "read",
+    "series",
+    "take_up",
+    "whirl_changes",
+    "whirls",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -53,6 +63,18 @@ def series(table: FloatArray, speed: FloatArray, result: FloatArray) -> None:
 
 
 @_compile
+def _euler(state: FloatArray, w: int, jump: float) -> None:
+    if jump != 0.0:
+        X = state.shape[1] // 2
+        stretch = jump * (state[w, X] + state[w, X + 3])
+        shear = jump * (state[w, X + 1] - state[w, X + 2])
+        state[w, 0] -= shear
+        state[w, 1] += stretch
+        state[w, 2] -= stretch
+        state[w, 3] -= shear
+
+
+@_compile
 def advance_first(
     state: FloatArray,
     phase: FloatArray,
@@ -62,6 +84,7 @@ def advance_first(
     steps: FloatArray,
     which: IntArray,
     jump: FloatArray,
+    angle: FloatArray,
     begin: IntArray,
     stop: IntArray,
 ) -> FloatArray:
@@ -76,15 +99,10 @@ def advance_first(
         i = begin[w]
         for t in range(T):
             while i < stop[t, w]:
-                if jump[i] != 0.0:
-                    X = n // 2
-                    stretch = jump[i] * (state[w, X] + state[w, X + 3])
-                    shear = jump[i] * (state[w, X + 1] - state[w, X + 2])
-                    state[w, 0] -= shear
-                    state[w, 1] += stretch
-                    state[w, 2] -= stretch
-                    state[w, 3] -= shear
+                _euler(state, w, jump[i])
                 seconds = steps[i, 0] * 1e-9
+                if not np.isnan(angle[i]):
+                    phase[w] = angle[i]
                 phase[w] = np.fmod(phase[w] + steps[i, 1] * seconds, _FULL_TURN)
                 limit = unit_step * (top_speed / max(abs(steps[i, 1]), top_speed))
                 mantissa, exponent = math.frexp(seconds / limit)
@@ -120,6 +138,137 @@ def advance_first(
                 i += 1
             states[t, w] = state[w]
     return states
+
+
+@_compile
+def advance_turning(
+    state: FloatArray,
+    phase: FloatArray,
+    system: FloatArray,
+    spin: FloatArray,
+    input: FloatArray,
+    seen: FloatArray,
+    spring: FloatArray,
+    imbalance: FloatArray,
+    runout: FloatArray,
+    sizes: FloatArray,
+    highest: int,
+    steps: FloatArray,
+    change: FloatArray,
+    jump: FloatArray,
+    angle: FloatArray,
+    begin: IntArray,
+    stop: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    T, W = stop.shape
+    n, J = state.shape[1], max(len(runout), 2)
+    wide = len(system)
+    states, phases = np.empty((T, W, n)), np.empty((T, W))
+    A, force, x, after = np.empty((wide, wide)), np.empty(wide), np.empty(wide), np.empty(wide)
+    work, zero, power = np.empty((5, J)), np.zeros(J), np.empty(J)
+    turned, R, terms = np.empty((2, len(spring), 1)), np.empty((len(spring), 2, 1)), np.empty((2, n))
+    known = np.nan
+    for w in range(W):
+        i = begin[w]
+        for t in range(T):
+            while i < stop[t, w]:
+                if not np.isnan(angle[i]):
+                    phase[w] = angle[i]
+                _euler(state, w, jump[i])
+                seconds, speed = steps[i, 0], steps[i, 1]
+                norm = sizes[0] + abs(speed) * (sizes[1] + highest) + sizes[2]
+                pieces = max(np.ceil(norm * seconds / LONGEST), 1.0)
+                reach = norm * seconds / pieces
+                order, term = 1, reach
+                while term > NEGLIGIBLE or order < reach:
+                    order += 1
+                    term = term * reach / order
+                if order > R.shape[2]:
+                    turned, R = np.empty((2, len(spring), order)), np.empty((len(spring), 2, order))
+                    terms = np.empty((order + 1, n))
+                if speed != known:
+                    known = speed
+                    for a in range(wide):
+                        for b in range(wide):
+                            A[b, a] = system[a, b] + speed * spin[a, b]
+                length = seconds / pieces
+                for piece in range(int(pieces)):
+                    start = phase[w] + speed * length * piece
+                    for j in range(J):
+                        work[4, j] = (j + 1) * start
+                        power[j] = 1.0
+                    _grow(zero, work[4], 1.0, work[0], work[1], work[2], work[3])
+                    share = piece / pieces
+                    for p in range(len(spring)):
+                        for side in range(2):
+                            total = seen[2 * p + side, 0] * state[w, 0]
+                            for b in range(1, n):
+                                total += seen[2 * p + side, b] * state[w, b]
+                            R[p, side, 0] = total
+                    for b in range(n):
+                        x[b] = terms[0, b] = state[w, b]
+                    x[n:] = 0.0
+                    for k in range(order):
+                        load, traction, c_1, s_1, c_2, s_2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+                        first = steps[i, 2] + change[i, 0] * share
+                        if k == 0:
+                            load, traction = first, steps[i, 3] + change[i, 1] * share
+                        elif k == 1:
+                            load, traction = change[i, 0] / pieces, change[i, 1] / pieces
+                        for j in range(J):
+                            if k > 0:
+                                power[j] = power[j] * ((j + 1) * speed * length / k)
+                            c, s = work[0, j], work[1, j]
+                            if k % 4 == 1:
+                                c, s = -s, c
+                            elif k % 4 == 2:
+                                c, s = -c, -s
+                            elif k % 4 == 3:
+                                c, s = s, -c
+                            c, s = power[j] * c, power[j] * s
+                            if j == 0:
+                                c_1, s_1 = c, s
+                            elif j == 1:
+                                c_2, s_2 = c, s
+                            if first > 0.0 and j < len(runout):
+                                load = load + (runout[j, 0] * c + runout[j, 1] * s)
+                        c_1, s_1 = speed * speed * c_1, speed * speed * s_1
+                        for b in range(wide):
+                            force[b] = load * input[b, 0] + traction * input[b, 1]
+                            force[b] += c_1 * imbalance[b, 0] + s_1 * imbalance[b, 1]
+                        for p in range(len(spring)):
+                            turned[0, p, k] = spring[p, 0] * c_2 - spring[p, 1] * s_2
+                            turned[1, p, k] = spring[p, 0] * s_2 + spring[p, 1] * c_2
+                            xx, xy = turned[0, p, 0] * R[p, 0, k], turned[1, p, 0] * R[p, 1, k]
+                            yx, yy = turned[1, p, 0] * R[p, 0, k], turned[0, p, 0] * R[p, 1, k]
+                            for q in range(1, k + 1):
+                                xx += turned[0, p, q] * R[p, 0, k - q]
+                                xy += turned[1, p, q] * R[p, 1, k - q]
+                                yx += turned[1, p, q] * R[p, 0, k - q]
+                                yy += turned[0, p, q] * R[p, 1, k - q]
+                            x[n + 2 * p], x[n + 2 * p + 1] = xx + xy, yx - yy
+                        for b in range(wide):
+                            after[b] = A[0, b] * x[0]
+                        for a in range(1, wide):
+                            for b in range(wide):
+                                after[b] += A[a, b] * x[a]
+                        part = length / (k + 1)
+                        for b in range(wide):
+                            after[b] = (after[b] + force[b]) * part
+                        for b in range(n):
+                            x[b] = terms[k + 1, b] = after[b]
+                        if k + 1 < order:
+                            for p in range(len(spring)):
+                                R[p, 0, k + 1], R[p, 1, k + 1] = after[n + 2 * p], after[n + 2 * p + 1]
+                    for b in range(n):
+                        total = terms[order, b]
+                        for k in range(order - 1, -1, -1):
+                            total += terms[k, b]
+                        state[w, b] = total + 0.0
+                phase[w] = np.fmod(phase[w] + speed * seconds, _FULL_TURN)
+                i += 1
+            states[t, w], phases[t, w] = state[w], phase[w]
+    return states, phases
 
 
 @_compile

@@ -12,14 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .coefficients import formula, twist
-from .elementary import growth
+from .elementary import cos_sin, growth
 
-__all__ = ["advance_first", "deflections", "follow", "read", "series", "whirl_changes", "whirls"]
+__all__ = ["advance_first", "advance_turning", "deflections", "follow", "read", "series", "whirl_changes", "whirls"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MOST_TOGETHER = 256  # intervals in one group
+LONGEST, NEGLIGIBLE = 3.0, 2.0**-57  # of a Taylor series: norm times step; what is left out beside 1
 _SHOWN, _CHANGED, _CUT = range(3)  # why a group ends
 _FULL_TURN = 2.0 * math.pi
 _TOGETHER, _SPEEDS_TOGETHER = 64, 16  # what is summed at once, so that it stays in the cache
@@ -55,6 +56,7 @@ def advance_first(
     steps: FloatArray,
     which: IntArray,
     jump: FloatArray,
+    angle: FloatArray,
     begin: IntArray,
     stop: IntArray,
 ) -> FloatArray:
@@ -77,6 +79,8 @@ def advance_first(
         Coefficients of each step.
     jump : ndarray, shape (I,)
         Change of the speed before the step [rad/s] in the complete model, whose state has Euler terms; otherwise zero.
+    angle : ndarray, shape (I,)
+        The wheel's angle at the beginning of the step [rad] where it is told anew, else NaN.
     begin : ndarray of int, shape (W,)
         First step of each wheel.
     stop : ndarray of int, shape (T, W)
@@ -90,10 +94,10 @@ def advance_first(
     T, W = stop.shape
     n = state.shape[1]
     length, force = steps[:, 0] * 1e-9, steps[:, 2:]
-    angles = (steps[:, 1] * length).tolist()
+    turned = list(zip((steps[:, 1] * length).tolist(), angle.tolist(), strict=True))
     for w, (first, end) in enumerate(zip(begin.tolist(), stop[-1].tolist(), strict=True)):
-        for angle in angles[first:end]:
-            phase[w] = math.fmod(phase[w] + angle, _FULL_TURN)
+        for turn, told in turned[first:end]:
+            phase[w] = math.fmod((phase[w] if math.isnan(told) else told) + turn, _FULL_TURN)
     mantissa, exponent = np.frexp(length / (unit_step * (top_speed / np.maximum(np.abs(steps[:, 1]), top_speed))))
     doublings = np.maximum(exponent - (mantissa == 0.5), 0).astype(np.int64)
     length = length / (unit_step * 2.0**doublings)
@@ -130,6 +134,154 @@ def advance_first(
     if not tick.size:
         states[:] = state
     return states
+
+
+def advance_turning(
+    state: FloatArray,
+    phase: FloatArray,
+    system: FloatArray,
+    spin: FloatArray,
+    input: FloatArray,
+    seen: FloatArray,
+    spring: FloatArray,
+    imbalance: FloatArray,
+    runout: FloatArray,
+    sizes: FloatArray,
+    highest: int,
+    steps: FloatArray,
+    change: FloatArray,
+    jump: FloatArray,
+    angle: FloatArray,
+    begin: IntArray,
+    stop: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """As :func:`advance_first`, of a tire that is not the same all around: of periodic equations.
+
+    A step of length h is a Taylor series of the state itself, z = sum_k x_k, summed until what is left is below the
+    rounding of a double: x_(k+1) = h/(k+1) [A x_k + what turns], where each harmonic exp(i j phi) has the coefficients
+    exp(i j phi_0) (i j Omega h)^k/k!, and the springs' is multiplied with that of conj(R). Long steps are cut.
+
+    Parameters
+    ----------
+    state : ndarray, shape (W, n)
+        Changed in place.
+    phase : ndarray, shape (W,)
+        Angle turned, modulo 2 pi [rad]; changed in place.
+    system, spin, input, seen, spring, imbalance, runout, sizes, highest
+        Of :class:`.turning.Turning`.
+    steps : ndarray, shape (I, 2 + m)
+        Length [s], speed [rad/s] and inputs at the beginning of each step.
+    change : ndarray, shape (I, m)
+        Change of the inputs over it.
+    jump, angle, begin, stop
+        As of :func:`advance_first`.
+
+    Returns
+    -------
+    states : ndarray, shape (T, W, n)
+        At the ticks.
+    phases : ndarray, shape (T, W)
+    """
+    T, W = stop.shape
+    n = state.shape[1]
+    states, phases = np.empty((T, W, n)), np.empty((T, W))
+    norm = sizes[0] + np.abs(steps[:, 1]) * (sizes[1] + highest) + sizes[2]
+    pieces = np.maximum(np.ceil(norm * steps[:, 0] / LONGEST), 1.0)
+    reach = norm * steps[:, 0] / pieces
+    order = np.array([_order(value) for value in reach.tolist()], dtype=np.int64)
+    parts = system, spin, input, seen, spring, imbalance, runout
+    at = begin.copy()
+    for tick in range(T):
+        while (active := at < stop[tick]).any():
+            step = np.where(active, at, 0)
+            told = angle[step]
+            phase[:] = np.where(active & ~np.isnan(told), told, phase)
+            if jump.any():
+                _euler(state, np.where(active, jump[step], 0.0))
+            seconds, speed = np.where(active, steps[step, 0], 0.0), steps[step, 1]
+            length = seconds / pieces[step]
+            for piece in range(int(pieces[step][active].max())):
+                busy = active & (piece < pieces[step])
+                inputs = steps[step, 2:] + change[step] * (piece / pieces[step])[:, None]
+                changes = change[step] / pieces[step][:, None]
+                start = phase + speed * length * piece
+                orders = np.where(busy, order[step], 0)
+                _turn_on(state, start, speed, np.where(busy, length, 0.0), orders, inputs, changes, *parts)
+            phase[:] = np.fmod(phase + speed * seconds, _FULL_TURN)
+            at = at + active
+        states[tick], phases[tick] = state, phase
+    return states, phases
+
+
+def _order(reach: float) -> int:
+    """Of a Taylor series whose term k is at most reach^k/k!."""
+    order, term = 1, reach
+    while term > NEGLIGIBLE or order < reach:
+        order += 1
+        term = term * reach / order
+    return order
+
+
+def _turn_on(
+    state: FloatArray,
+    phase: FloatArray,
+    speed: FloatArray,
+    length: FloatArray,
+    orders: IntArray,
+    inputs: FloatArray,
+    changes: FloatArray,
+    system: FloatArray,
+    spin: FloatArray,
+    input: FloatArray,
+    seen: FloatArray,
+    spring: FloatArray,
+    imbalance: FloatArray,
+    runout: FloatArray,
+) -> None:
+    """One series for each wheel, all of which have a first order of at most ``orders``."""
+    W, n = state.shape
+    most, pairs = int(orders.max()), len(spring)
+    springs = bool(spring.any())
+    harmonics = np.arange(1, max(len(runout), 2) + 1)
+    cosine, sine = cos_sin(harmonics * phase[:, None])  # (W, J)
+    power = np.ones((W, harmonics.size, most))
+    power[..., 1:] = (harmonics * speed[:, None] * length[:, None])[..., None] / np.arange(1, most)
+    np.multiply.accumulate(power, axis=-1, out=power)
+    quarter = np.arange(most) % 4
+    c = power * np.stack([cosine, -sine, -cosine, sine], axis=-1)[..., quarter]
+    s = power * np.stack([sine, cosine, -sine, -cosine], axis=-1)[..., quarter]
+    push = np.zeros((inputs.shape[1], W, most))
+    push[:, :, 0] = inputs.T
+    if most > 1:
+        push[:, :, 1] = changes.T
+    on = (inputs[:, 0] > 0.0)[:, None]
+    for j, (a, b) in enumerate(runout.tolist()):
+        push[0] = np.where(on, push[0] + (a * c[:, j] + b * s[:, j]), push[0])
+    square = (speed * speed)[:, None]
+    force = push[0][..., None] * input[:, 0] + push[1][..., None] * input[:, 1]
+    force += (square * c[:, 0])[..., None] * imbalance[:, 0] + (square * s[:, 0])[..., None] * imbalance[:, 1]
+    a, b = spring[:, 0], spring[:, 1]
+    real = a * c[:, 1, :, None] - b * s[:, 1, :, None]  # (W, k, p)
+    imaginary = a * s[:, 1, :, None] + b * c[:, 1, :, None]
+    turning = np.stack([np.stack([real, imaginary], -1), np.stack([imaginary, -real], -1)], -2)
+    A = np.ascontiguousarray((system + speed[:, None, None] * spin).swapaxes(1, 2))
+    k = np.arange(most)[:, None]
+    part = np.where(k < orders, length / (k + 1), 0.0)[:, :, None]
+    terms = np.zeros((W, most + 1, n + 2 * pairs))  # of z and R, the newest first
+    terms[:, most, :n] = state
+    terms[:, most, n:] = np.add.reduce(state[:, :, None] * np.ascontiguousarray(seen.T), axis=1)
+    R = terms[:, :, n:].reshape(W, most + 1, pairs, 1, 2)  # these two are views
+    g = (x := np.zeros((W, n + 2 * pairs)))[:, n:].reshape(W, pairs, 2)
+    for order in range(most):
+        x[:, :n] = terms[:, most - order, :n]
+        if springs:
+            pulls = np.add.reduce(turning[:, : order + 1] * R[:, most - order :], axis=1)  # (W, p, out, in)
+            np.add(pulls[..., 0], pulls[..., 1], out=g)
+        after = np.add.reduce(A * x[:, :, None], axis=1)
+        after += force[:, order]
+        np.multiply(after, part[order], out=terms[:, most - order - 1])
+    np.add.reduce(terms[:, :, :n], axis=1, out=state)
+    state += 0.0  # no negative zeros
 
 
 def _transitions(coefficients: FloatArray, length: FloatArray, doublings: IntArray, n: int) -> FloatArray:

@@ -16,9 +16,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import wheel
+from . import nonuniform, wheel
 from .floquet import VERDICTS, constant_verdicts
-from .unit import TireWheelUnit
+from .unit import NUMBERS, TireWheelUnit
 
 __all__ = ["AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
 
@@ -27,7 +27,7 @@ Over = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
 Axis = tuple[str, ArrayLike]
 
 AXES: Final = (
-    *(field.name for field in dataclasses.fields(TireWheelUnit) if field.name != "sidewall_damping"),
+    *NUMBERS,
     "speed",
 )
 UNSTABLE: Final = VERDICTS.index("unstable")
@@ -123,6 +123,8 @@ def stability_map(
     [['asymptotically stable', 'asymptotically stable'], ['asymptotically stable', 'unstable']]
     """
     wheel.fixed_frame(unit, model)  # says what is wrong with the model
+    if nonuniform.is_genuine(unit, model):
+        raise ValueError("the unit's sidewall is not uniform; nonuniform.tongue_map has its stability over the speed")
     grid = _grid(unit, x, y, speed, model)
     nx, ny = grid.x.size, grid.y.size
     starts = range(0, nx * ny, BLOCK)

@@ -18,8 +18,7 @@ import cmath
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from numbers import Real
-from typing import Any, Final, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,6 +27,7 @@ from scipy.optimize import brentq
 from . import floquet, ring, wheel
 from .coefficients import coefficients
 from .floquet import FloquetResult
+from .harmonics import Harmonic, check_factor, harmonics
 from .periodic import Transition, Trigonometric, transition
 from .unit import TireWheelUnit
 
@@ -37,8 +37,10 @@ __all__ = [
     "Tip",
     "TongueMap",
     "fixed_frame_matrix",
+    "is_genuine",
     "nearest_tongue",
     "periodic_frame",
+    "sidewall",
     "stability",
     "state_matrix",
     "tongue_map",
@@ -46,13 +48,8 @@ __all__ = [
 ]
 
 Model = Literal["complete", "inextensional"]
-Harmonic = tuple[int, float, float]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-
-HIGHEST: Final = 100
-"""Harmonic; the tread's blocks are above it, and a sidewall knows nothing of them."""
-
 
 @dataclass(frozen=True)
 class Nonuniformity:
@@ -72,17 +69,14 @@ class Nonuniformity:
 
     def __post_init__(self) -> None:
         for name in ("radial", "tangential"):
-            harmonics = tuple(_harmonic(f"{name}[{k}]", value) for k, value in enumerate(getattr(self, name)))
-            numbers = [j for j, _, _ in harmonics]
-            for j in numbers:
-                if numbers.count(j) > 1:
-                    raise ValueError(f"{name} has harmonic {j} twice; each must stand once")
-            lowest, where = _lowest(harmonics)
-            if not lowest > 0.0:
-                raise ValueError(
-                    f"{name} makes the stiffness {lowest:.6g} of its mean at {where:.6g} rad; it must be > 0"
-                )
-            object.__setattr__(self, name, harmonics)
+            value = harmonics(name, getattr(self, name))
+            check_factor(name, value)
+            object.__setattr__(self, name, value)
+
+    @classmethod
+    def of(cls, unit: TireWheelUnit) -> Nonuniformity:
+        """The one that a unit's own fields describe."""
+        return cls(unit.radial_nonuniformity, unit.tangential_nonuniformity)
 
     @property
     def is_uniform(self) -> bool:
@@ -104,42 +98,8 @@ class Nonuniformity:
         return abs(self.second_harmonic(unit))
 
 
-def _harmonic(name: str, value: Any) -> Harmonic:
-    try:
-        j, e, chi = value
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} is {value!r}; it must be (harmonic, amplitude, angle)") from None
-    if isinstance(j, bool) or not (isinstance(j, (int, np.integer)) or isinstance(j, float) and j.is_integer()):
-        raise ValueError(f"{name} has harmonic {j!r}; it must be an integer from 1 to {HIGHEST}")
-    if not 1 <= j <= HIGHEST:
-        raise ValueError(f"{name} has harmonic {j!r}; it must be from 1 to {HIGHEST}")
-    for what, number in (("amplitude", e), ("angle", chi)):
-        if isinstance(number, bool) or not isinstance(number, Real) or not math.isfinite(number):
-            raise ValueError(f"{name} has {what} {number!r}; it must be a finite number")
-    if e < 0.0:
-        raise ValueError(f"{name} has amplitude {e!r}; it must be >= 0")
-    return int(j), float(e), float(chi)
-
-
-def _lowest(harmonics: tuple[Harmonic, ...]) -> tuple[float, float]:
-    """The minimum of 1 + sum e cos j(theta - chi), and where it is; a bound where that is enough."""
-    if (most := sum(e for _, e, _ in harmonics)) < 1.0:
-        return 1.0 - most, 0.0
-    highest = max(j for j, _, _ in harmonics)
-    slope = np.zeros(2 * highest + 1, dtype=np.complex128)  # coefficients of exp(i p theta), from p = highest down
-    for j, e, chi in harmonics:
-        slope[highest - j] += 1j * j * e * cmath.exp(-1j * j * chi)
-        slope[highest + j] -= 1j * j * e * cmath.exp(1j * j * chi)
-    slope[np.abs(slope) < 1e-14 * np.abs(slope).max()] = 0.0  # the roots divide by the first
-    roots = np.roots(slope)
-    theta = np.mod(np.concatenate([np.linspace(0.0, 2.0 * math.pi, 8 * highest + 1), np.angle(roots)]), 2.0 * math.pi)
-    factor = 1.0 + sum(e * np.cos(j * (theta - chi)) for j, e, chi in harmonics) + 0.0 * theta
-    k = int(np.argmin(factor))
-    return float(factor[k]), float(theta[k])
-
-
-def _second(harmonics: tuple[Harmonic, ...]) -> complex:
-    return sum((e * cmath.exp(2j * chi) for j, e, chi in harmonics if j == 2), 0j)
+def _second(some: tuple[Harmonic, ...]) -> complex:
+    return sum((e * cmath.exp(2j * chi) for j, e, chi in some if j == 2), 0j)
 
 
 # -- n = 1 and the wheel, fixed frame -----------------------------------------------------------------------------
@@ -152,6 +112,31 @@ class PeriodicFrame(NamedTuple):
     spin: FloatArray
     cosine: FloatArray
     sine: FloatArray
+
+
+def is_genuine(unit: TireWheelUnit, model: Model = "inextensional", n_max: int = 1) -> bool:
+    """Whether a unit's equations are periodic for good, and no change of frame makes them constant.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    model : {"inextensional", "complete"}
+    n_max : int
+        Highest wavenumber, as of :func:`state_matrix`.
+
+    Returns
+    -------
+    bool
+        False where the sidewall is the same all around as far as n = 1 feels it, which the fixed frame makes constant,
+        and where the wheel's support has no direction, which axes that turn with the ring make so. n = 1 feels the
+        second harmonic, and j through n = j - 1 or j + 1.
+    """
+    sidewall = Nonuniformity.of(unit)
+    acts = any(_anisotropy(unit, sidewall, _checked(model)))
+    if n_max > 1:
+        acts = acts or any(e and j - 1 <= n_max for j, e, _ in (*sidewall.radial, *sidewall.tangential))
+    vertical = unit.suspension_stiffness, unit.suspension_damping, unit.wheel_mass
+    return acts and vertical != (unit.longitudinal_stiffness, unit.longitudinal_damping, unit.fore_aft_mass)
 
 
 @lru_cache(maxsize=256)
@@ -177,18 +162,38 @@ def periodic_frame(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Mod
     """
     system = wheel.fixed_frame(unit, model)
     half = len(system.constant) // 2
-    net, springs, masses = _net(unit, model)
+    net, masses, _, strengths = sidewall(unit, nonuniformity, model)
     cosine, sine = np.zeros((2, 2 * half, 2 * half))
-    for pair, (k, e) in enumerate(zip(springs, _anisotropy(unit, nonuniformity, model), strict=True)):
+    for pair, strength in enumerate(strengths):
         seen = net[2 * pair : 2 * pair + 2]
-        a, b = k * e.real, k * e.imag
+        a, b = strength.real, strength.imag
         cosine[:half, half:] -= seen.T @ np.array([[a, b], [b, -a]]) @ seen / masses[:, None]
         sine[:half, half:] -= seen.T @ np.array([[-b, a], [a, b]]) @ seen / masses[:, None]
     return PeriodicFrame(system.constant, system.spin, _shared(cosine), _shared(sine))
 
 
-def _net(unit: TireWheelUnit, model: Model) -> tuple[FloatArray, list[float], FloatArray]:
-    """What the sidewall sees, [X - x, Y - y, U - y, V + x] of q; its springs [N/m]; the mass of each coordinate."""
+def sidewall(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model = "inextensional"
+) -> tuple[FloatArray, FloatArray, FloatArray, list[complex]]:
+    """How the sidewall's springs, p kinds of them, act between belt and wheel in n = 1.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    net : ndarray, shape (2 p, h)
+        What they see of the coordinates q: [X - x, Y - y], and of the complete model [U - y, V + x] behind.
+    masses : ndarray, shape (h,)
+        Of the coordinates [kg].
+    along_x : ndarray, shape (2 p,)
+        The force on the wheel along X is this times their forces; what ``net`` has for x, but for the sign.
+    strengths : list of complex, p
+        k e exp(2 i chi) [N/m]: the stiffness is k (1 +- e) along the angle chi of the ring and across.
+    """
     area = math.pi * unit.radius * unit.width
     if model == "inextensional":
         net = np.array([[1.0, 0.0, 0.0, -1.0], [0.0, 1.0, -1.0, 0.0]])
@@ -199,7 +204,8 @@ def _net(unit: TireWheelUnit, model: Model) -> tuple[FloatArray, list[float], Fl
         mass = area * unit.surface_density
     masses = np.array([mass] * len(net) + [unit.wheel_mass, unit.fore_aft_mass])
     half = len(masses) - unit.is_held
-    return net[:, :half], springs, masses[:half]
+    strengths = [k * e for k, e in zip(springs, _anisotropy(unit, nonuniformity, model), strict=True)]
+    return net[:, :half], masses[:half], -net[:, -1], strengths
 
 
 def _anisotropy(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model) -> list[complex]:
@@ -301,7 +307,7 @@ def _uniform(unit: TireWheelUnit, speed: float, time: float, model: Model, n_max
     """A(t) of the uniform tire: :func:`.wheel.state_matrix` and, beside it, the modes of ``ring.matrices``."""
     if isinstance(n_max, bool) or not isinstance(n_max, (int, np.integer)) or n_max < 1:
         raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 1")
-    one = wheel.state_matrix(unit, speed, time, model)
+    one = wheel.state_matrix(unit.mean, speed, time, model)
     if n_max == 1:
         return one
     labels = _labels(model, int(n_max))
@@ -450,7 +456,7 @@ def stability(
     as 1/Omega; see :func:`.periodic.transition` for where it ends.
     """
     if n_max == 1 and not any(_anisotropy(unit, nonuniformity, _checked(model))):
-        return wheel.stability(unit, speed, model)
+        return wheel.stability(unit.mean, speed, model)
     if not abs(speed) > 1e-300:
         return floquet.analyze_constant(state_matrix(unit, nonuniformity, speed, 0.0, model, n_max))
     half = _half_turn(unit, [nonuniformity], speed, model, n_max)

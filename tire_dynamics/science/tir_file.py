@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from typing import Any, Final, Literal, NamedTuple
 
-from .unit import TireWheelUnit
+from .unit import TURNING, TireWheelUnit
 
 __all__ = ["OPEN_FIELDS", "Entry", "Source", "TirUnit", "read_tir", "unit_from_tir"]
 
@@ -23,6 +23,7 @@ OPEN_FIELDS: Final = (
     *("bending_stiffness", "membrane_stiffness", "width", "thickness", "inflation_pressure"),
     *("zeta_s", "zeta_n", "contact_half_angle", "sidewall_damping"),
     *("longitudinal_stiffness", "longitudinal_damping_ratio", "longitudinal_mass"),
+    *TURNING,
 )
 """The fields that one may give beside the file: what it does not hold, or holds of another thing."""
 
@@ -372,6 +373,8 @@ def unit_from_tir(
     put("longitudinal_stiffness", _TABLE_1.longitudinal_stiffness, "assumed", "the default, a wheel that is held")
     put("longitudinal_damping_ratio", _TABLE_1.longitudinal_damping_ratio, "assumed", "the default")
     put("longitudinal_mass", _TABLE_1.longitudinal_mass, "assumed", "the default, wheel_mass")
+    for name in TURNING:
+        put(name, getattr(_TABLE_1, name), "assumed", "the default, a tire that is the same all around")
 
     names = list(_TABLE_1.to_mapping())
     try:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import wheel
-from .unit import TireWheelUnit
+from .unit import NUMBERS, TireWheelUnit
 
 __all__ = ["SHARES", "UNCERTAIN", "Bands", "bands", "sample", "value_of", "with_values"]
 
@@ -23,7 +22,7 @@ SHARES: Final = (0.05, 0.5, 0.95)
 
 UNCERTAIN: Final = (
     "k_1",
-    *(field.name for field in dataclasses.fields(TireWheelUnit) if field.name != "sidewall_damping"),
+    *NUMBERS,
 )
 """What can have an error: ``k_1``, which moves radial and tangential stiffness together, and every field of numbers."""
 

@@ -6,16 +6,24 @@ import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from numbers import Real
 from os import PathLike
 from typing import Any, Final, Literal
 
-from .yaml_file import read_yaml, yaml_number
+from .harmonics import Harmonic, check_factor, harmonics
+from .yaml_file import read_yaml, yaml_value
 
-__all__ = ["MODAL", "REACTION", "TireWheelUnit"]
+__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "TURNING", "TireWheelUnit"]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
+
+HARMONICS: Final = ("radial_nonuniformity", "tangential_nonuniformity", "radial_runout")
+"""The fields that are lists of (harmonic, amplitude, angle)."""
+
+TURNING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
+"""The fields of what is not the same all around, and turns with the tire."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,16 @@ class TireWheelUnit:
         Its damping ratio zeta_x, in [0, 1).
     longitudinal_mass : float
         Mass that moves fore and aft with the wheel, without the belt, m_x [kg]; 0: the wheel's, M.
+    radial_nonuniformity, tangential_nonuniformity : sequence of (int, float, float)
+        How the sidewall's stiffness varies around the ring: harmonics j, amplitudes e_j >= 0 and angles chi_j [rad] of
+        k_z(theta) = k_z [1 + sum_j e_j cos j(theta - chi_j)], which must be > 0, and likewise of k_theta. theta is the
+        angle on the ring, counted as psi is when the wheel's angle is 0.
+    imbalance_mass, imbalance_angle : float
+        A mass on the belt, m_u >= 0 [kg], and where, theta_u [rad]; beyond the centrifugal force it is left out.
+    radial_runout : sequence of (int, float, float)
+        How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m].
+    contact_stiffness : float
+        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest, :func:`.turning.contact_stiffness`.
 
     Notes
     -----
@@ -82,6 +100,12 @@ class TireWheelUnit:
     longitudinal_stiffness: float = 0.0
     longitudinal_damping_ratio: float = 0.0
     longitudinal_mass: float = 0.0
+    radial_nonuniformity: tuple[Harmonic, ...] = ()
+    tangential_nonuniformity: tuple[Harmonic, ...] = ()
+    imbalance_mass: float = 0.0
+    imbalance_angle: float = 0.0
+    radial_runout: tuple[Harmonic, ...] = ()
+    contact_stiffness: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -89,6 +113,12 @@ class TireWheelUnit:
             if field.name == "sidewall_damping":
                 if value not in (MODAL, REACTION):
                     raise ValueError(f"sidewall_damping is {value!r}; it must be 'modal' or 'reaction'")
+                continue
+            if field.name in HARMONICS:
+                some = harmonics(field.name, value)
+                if field.name != "radial_runout":
+                    check_factor(field.name, some)
+                object.__setattr__(self, field.name, tuple(each for each in some if each[1]))
                 continue
             if isinstance(value, bool) or not isinstance(value, Real):
                 raise ValueError(f"{field.name} is {value!r}; it must be a number")
@@ -104,12 +134,16 @@ class TireWheelUnit:
             elif field.name == "contact_half_angle":
                 if not 0.0 <= number <= 0.5 * math.pi:
                     raise ValueError(f"{field.name} is {number!r}; it must be in [0, pi/2]")
-            elif field.name in ("longitudinal_stiffness", "longitudinal_mass"):
+            elif field.name == "imbalance_angle":
+                pass
+            elif field.name in _NOT_NEGATIVE:
                 if number < 0.0:
                     raise ValueError(f"{field.name} is {number!r}; it must be >= 0")
             elif number <= 0.0:
                 raise ValueError(f"{field.name} is {number!r}; it must be > 0")
             object.__setattr__(self, field.name, number)
+        if (most := sum(r for _, r, _ in self.radial_runout)) >= self.radius:
+            raise ValueError(f"radial_runout adds up to {most!r}; it must be < radius = {self.radius!r}")
         if self.thickness >= self.radius:
             raise ValueError(f"thickness is {self.thickness!r}; a thin ring needs thickness < radius = {self.radius!r}")
 
@@ -163,6 +197,19 @@ class TireWheelUnit:
     def is_held(self) -> bool:
         """Whether the wheel cannot move fore and aft."""
         return self.longitudinal_stiffness == 0.0
+
+    @cached_property
+    def is_uniform(self) -> bool:
+        """Whether it is the same all around: nothing of it turns with it."""
+        varying = (self.radial_nonuniformity, self.tangential_nonuniformity, self.radial_runout)
+        return not (self.imbalance_mass or any(size for some in varying for _, size, _ in some))
+
+    @cached_property
+    def mean(self) -> TireWheelUnit:
+        """The unit without what turns with it; itself if it is uniform."""
+        if self.is_uniform:
+            return self
+        return self.replace(**dict.fromkeys(HARMONICS, ()), imbalance_mass=0.0)
 
     @property
     def fore_aft_mass(self) -> float:
@@ -244,11 +291,20 @@ class TireWheelUnit:
         return cls.from_mapping(whole.unit.to_mapping())
 
     def to_mapping(self) -> dict[str, Any]:
-        """Field names and values."""
-        return dataclasses.asdict(self)
+        """Field names and values; harmonics as lists of lists."""
+        values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        return values | {name: [list(each) for each in values[name]] for name in HARMONICS}
 
     def to_yaml(self, path: str | PathLike[str]) -> None:
         """Write the fields so that :meth:`from_yaml` gives an equal unit."""
         with open(path, "w", encoding="utf-8") as file:
             for name, value in self.to_mapping().items():
-                file.write(f"{name}: {yaml_number(value) if isinstance(value, float) else value}\n")
+                file.write(f"{name}: {yaml_value(value)}\n")
+
+
+NUMBERS: Final = tuple(
+    field.name for field in dataclasses.fields(TireWheelUnit) if field.name not in (*TURNING, "sidewall_damping")
+)
+"""The fields of numbers that the uniform tire has."""
+
+_NOT_NEGATIVE: Final = ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness")

@@ -405,7 +405,7 @@ def ring_centre(state: FloatArray, model: Model = "inextensional") -> FloatArray
 
 
 def fixed_frame_matrix(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloatArray:
-    """The constant state matrix seen from the fixed frame.
+    """The constant state matrix seen from the fixed frame; of a unit that is not uniform, its mean's.
 
     Parameters
     ----------
@@ -439,11 +439,16 @@ def state_matrix(unit: TireWheelUnit, speed: float, time: float, model: Model = 
 
     Returns
     -------
-    ndarray, shape (6, 6) or (10, 10)
+    ndarray, shape (n, n)
+        With the unit's own non-uniformity: :func:`.nonuniform.state_matrix`.
     """
     _check_speed(speed)
     if not math.isfinite(time):
         raise ValueError(f"time is {time!r}; it must be finite")
+    if not unit.is_uniform:
+        from . import nonuniform  # which builds on this module
+
+        return nonuniform.state_matrix(unit, nonuniform.Nonuniformity.of(unit), speed, time, model)
     s, c = math.sin(speed * time), math.cos(speed * time)
     if model == "inextensional":
         return _periodic_inextensional(unit, speed, s, c)
@@ -559,7 +564,7 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
 
 
 def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloquetResult:
-    """Floquet stability at a constant speed, in closed form.
+    """Floquet stability at a constant speed, of a uniform unit in closed form.
 
     Parameters
     ----------
@@ -571,22 +576,38 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
     Returns
     -------
     FloquetResult
-        multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega).
+        multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega). Of a unit
+        whose sidewall is not uniform what :func:`.nonuniform.stability` says.
     """
+    if not unit.is_uniform:
+        from . import nonuniform  # which builds on this module
+
+        return nonuniform.stability(unit, nonuniform.Nonuniformity.of(unit), speed, model)
     F = fixed_frame_matrix(unit, speed, model)
     period = 2.0 * math.pi / abs(speed) if abs(speed) > 1e-300 else None
     return floquet.analyze_constant(F, period)
 
 
-@lru_cache(maxsize=1024)
 def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> bool:
-    """Whether the verdict of :func:`stability` at this speed is "unstable"; remembered."""
+    """Whether the verdict of :func:`stability` at this speed is "unstable"; remembered.
+
+    Of a unit that is not uniform, at this speed to 1 rad/s and above 20: what takes milliseconds is not done at each.
+    """
+    if not unit.is_uniform:
+        speed = math.copysign(max(float(round(abs(speed))), 20.0), speed)
+    return _is_unstable(unit, speed, model)
+
+
+@lru_cache(maxsize=1024)
+def _is_unstable(unit: TireWheelUnit, speed: float, model: Model) -> bool:
     return stability(unit, speed, model).verdict == "unstable"
 
 
 @lru_cache(maxsize=256)
 def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
+
+    Of a unit that is not uniform it is its mean's: :func:`.nonuniform.tongue_tips` has what comes beside.
 
     Parameters
     ----------

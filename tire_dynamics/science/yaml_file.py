@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-__all__ = ["read_yaml", "yaml_number"]
+__all__ = ["read_yaml", "yaml_number", "yaml_value"]
 
 _MAX_SIZE = 256 * 1024  # bytes; a vehicle's parameters take some thousand
 
@@ -43,6 +43,13 @@ def yaml_number(value: float) -> str:
         mantissa, exponent = text.split("e")
         text = f"{mantissa if '.' in mantissa else mantissa + '.0'}e{int(exponent):+03d}"
     return text
+
+
+def yaml_value(value: Any) -> str:
+    """A number, a name, or a list of them, in one line of YAML."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(yaml_value, value))}]"
+    return yaml_number(value) if isinstance(value, float) else str(value)
 
 
 # What PyYAML raises on text that is not what it is said to be, its constructors included.

@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
 from ..errors import InputError
 
 __all__ = ["add_arguments", "report", "run"]
+
+SAMPLES = 500  # of the tire, if nobody says how many: a second of work
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,16 +28,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser : argparse.ArgumentParser
         Its namespace is what ``run`` takes.
     """
+    from .. import uncertainty
+
     parser.description = (
-        "Writes one HTML page about a drive: forces over time, spectra against the model, the belt at the highest "
-        "load, Campbell diagram, stability map and the quality of the inputs. The page needs no network. BAG is a log "
-        "of the node or the output of a replay; any other bag is replayed first, into a temporary folder."
+        "Writes one HTML page about a drive: forces over time, spectra against the model, force variation by harmonic "
+        "of the turn, the belt at the highest load, Campbell diagram, stability map and the quality of the inputs. The "
+        "page needs no network. BAG is a log of the node or the output of a replay; any other bag is replayed first, "
+        "into a temporary folder. With errors of the parameters it has bands on transmissibility and critical speed."
     )
     parser.add_argument("input", metavar="BAG", help="a rosbag2 folder or a .mcap file: a log, or inputs")
     parser.add_argument("-o", "--output", metavar="HTML", required=True, help="the page to write")
     parser.add_argument(
         "--config", metavar="YAML", help="replay BAG with these parameters of the node, or fields of one unit"
     )
+    parser.add_argument(
+        "--errors", metavar="FILE", help="errors of the parameters, as identify writes them; else those beside YAML"
+    )
+    uncertainty.add_arguments(parser)
     parser.add_argument("--force", action="store_true", help="replace HTML if it exists")
 
 
@@ -65,6 +74,10 @@ def run(options: argparse.Namespace) -> int:
         options.input,
         options.output,
         config=options.config,
+        errors=options.errors,
+        error=options.error,
+        samples=options.samples,
+        seed=options.seed,
         force=options.force,
         remaps=remaps_of(options.remap),
         quiet=quiet,
@@ -80,6 +93,10 @@ def report(
     output: str | os.PathLike[str],
     *,
     config: str | os.PathLike[str] | None = None,
+    errors: str | os.PathLike[str] | None = None,
+    error: Sequence[str] = (),
+    samples: int | None = None,
+    seed: int = 0,
     force: bool = False,
     remaps: Mapping[str, str] | None = None,
     quiet: bool = False,
@@ -94,6 +111,15 @@ def report(
         The page, ``.html``.
     config : path, optional
         Parameters for a replay; with them a log is replayed as well.
+    errors : path, optional
+        Standard errors of the tire's parameters, as ``identify`` writes them.
+    error : sequence of str
+        Errors as FIELD=VALUE, beside those of the file or instead of them.
+    samples : int, optional
+        Of the tire within its errors. Any of these three asks for bands; without ``errors`` those beside ``config`` are
+        taken. 500 if left out.
+    seed : int
+        Of the samples.
     force : bool
         Replace a page that exists.
     remaps : mapping, optional
@@ -109,19 +135,26 @@ def report(
     Raises
     ------
     InputError
-        The bag, the parameters or the output cannot be used, or plotly is missing.
+        The bag, the parameters, their errors or the output cannot be used, or plotly is missing.
     """
     from tempfile import TemporaryDirectory
 
+    from .. import uncertainty
     from ..bag import BagReader
     from ..bag.writer import keep_apart
     from ..replay import replay
 
     target = Path(output)
     _check_output(target, force=force)
+    uncertain = errors is not None or bool(error) or samples is not None
+    samples = SAMPLES if samples is None else samples
+    if uncertain:
+        uncertainty.check_samples(samples, seed)
+    if errors is not None and not Path(errors).is_file():
+        raise InputError(f"--errors is {errors}; there is no such file")
     bag = reader = BagReader(source)
     keep_apart(bag.path, bag.paths, target)
-    from . import gather, page
+    from . import gather, page, theory
 
     with TemporaryDirectory(prefix="tire_dynamics_") as folder:
         replayed = config is not None or bool(remaps) or not gather.has_outputs(bag)
@@ -130,7 +163,12 @@ def report(
             replay(bag.path, log, config=config, quiet=quiet, remaps=remaps)
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
-    text, headline = page.page(drive)
+    known = None
+    if uncertain:
+        beside = None if config is None else uncertainty.errors_file(Path(config))
+        some = uncertainty.errors_of(beside if errors is None else Path(errors), drive.unit, error)
+        known = theory.Errors(*some, samples, seed)
+    text, headline = page.page(drive, known)
     aside = target.with_name(f".{target.name}.{os.urandom(4).hex()}")
     try:
         aside.write_text(text, encoding="utf-8")

@@ -14,15 +14,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...science.spectra import Spectra, Transfer, segment_length
+from ...science.uniformity import OrderSums, Variation
 
 __all__ = [
+    "MEASURED",
     "Envelope",
     "HeldInput",
     "Intervals",
     "Moment",
     "Moments",
+    "Orders",
     "Spectra",
     "Transfer",
+    "WheelAngle",
     "decimate",
     "gaps",
     "segment_length",
@@ -30,6 +34,9 @@ __all__ = [
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
+
+MEASURED = 0
+"""The stretch of a :class:`WheelAngle` whose angles are those that were measured."""
 
 
 # -- decimation ---------------------------------------------------------------------------------------------------
@@ -229,6 +236,151 @@ class HeldInput:
         kept = max(int(place[-1]), 0)
         self._time, self._value, self._tick = times[kept:], values[kept:], float(tick[-1])
         return mean
+
+
+# -- what repeats with the turn of the wheel ----------------------------------------------------------------------
+
+
+class WheelAngle:
+    """The angle of a wheel: as it was measured, and between and without that from its speed, held between samples.
+
+    Parameters
+    ----------
+    longest : float
+        Time over which a speed is held [s]. After it the angle is lost, unless it is measured again.
+    """
+
+    def __init__(self, longest: float) -> None:
+        self._longest = longest
+        self._waiting: list[FloatArray] = []
+        self._since = np.empty((4, 0))  # the last sample before the last tick: time, speed, angle, stretch
+        self._tick, self._position = -math.inf, math.nan
+        self._lost = MEASURED
+        self.measured = 0  # angles that were of use
+
+    def add(self, time: FloatArray, speed: FloatArray, position: FloatArray) -> None:
+        """Take speeds [rad/s], and angles [rad] where they were measured, else NaN, at their times [s]."""
+        self._waiting.append(np.stack([time, speed, position]))
+
+    def at(self, tick: FloatArray) -> tuple[FloatArray, FloatArray, IntArray]:
+        """Angles at ticks.
+
+        Parameters
+        ----------
+        tick : (T,) ndarray
+            Ascending times [s], each after those before; if not, the clock was set back, and all begins anew.
+
+        Returns
+        -------
+        angle, speed : (T,) ndarray
+            [rad], not wrapped, and [rad/s]; NaN before the first sample.
+        stretch : (T,) ndarray of int
+            ``MEASURED``, or the number of the stretch at whose begin the angle was set to 0.
+        """
+        if tick.size and (np.diff(tick, prepend=self._tick) < 0.0).any():
+            self._waiting, self._since = [], np.empty((4, 0))
+        if tick.size:
+            self._tick = float(tick[-1])
+        time, speed, angle, stretch = self._resolved()
+        place = np.searchsorted(time, tick, side="right") - 1
+        if not time.size:
+            unknown = np.full(tick.size, math.nan)
+            return unknown, unknown, np.zeros(tick.size, np.int64)
+        held = np.where(place >= 0, speed[place], math.nan)
+        return angle[place] + held * (tick - time[place]), held, stretch[place].astype(np.int64)
+
+    def _resolved(self) -> FloatArray:
+        """The samples from the one before the last tick to those at this one."""
+        new = np.concatenate([np.empty((3, 0)), *self._waiting], axis=1)
+        new = new[:, np.argsort(new[0], kind="stable")]
+        self._waiting = [new[:, new[0] > self._tick]]
+        earliest = self._since[0, 0] if self._since.size else -math.inf
+        new = new[:, (new[0] >= earliest) & (new[0] <= self._tick)]
+        if not new.size:
+            return self._since
+        # One that repeats is none: it rests, or there is no sensor, and somebody sends zeros.
+        measured = finite = np.isfinite(new[2])
+        if finite.any():
+            measured = finite.copy()
+            measured[finite] = np.diff(new[2, finite], prepend=self._position) != 0.0
+            self._position = float(new[2, finite][-1])
+        self.measured += int(measured.sum())
+        known = self._since.shape[1]  # 1, or 0 at the begin
+        time, speed, angle = np.concatenate([self._since[:3], new], axis=1)
+        stretch = np.concatenate([self._since[3], np.zeros(time.size - known)])
+        measured = np.concatenate([np.zeros(known, np.bool_), measured])
+        wait = np.diff(time, prepend=time[0] if known else -math.inf)
+        lost = ~measured & (wait > self._longest)
+        angle[lost] = 0.0
+        stretch[lost] = self._lost + np.cumsum(lost)[lost]
+        self._lost += int(lost.sum())
+        begin = np.maximum.accumulate(np.where(measured | lost, np.arange(time.size), 0))
+        turned = np.concatenate([[0.0], np.cumsum(speed[:-1] * wait[1:])])
+        columns = np.stack([time, speed, angle[begin] + turned - turned[begin], stretch[begin]])
+        self._since = columns[:, -1:]
+        return columns
+
+
+class Orders:
+    """The harmonics of a force over the wheel's angle, and how far one stretch of turns differs from the next.
+
+    Each stretch is weighted by Hann's window over the angle, so that a load that drifts is not taken for a harmonic,
+    and each sample by the angle that it stands for, so that what is driven slowly counts no more.
+    """
+
+    TURNS = 10.0  # of a stretch
+
+    def __init__(self) -> None:
+        self._whole, self._part, self._few = OrderSums(), OrderSums(), OrderSums()
+        self._last = math.nan  # angle
+        self._parts = np.zeros(self._whole.harmonics)
+        self._mean = np.zeros(self._whole.harmonics, np.complex128)
+        self._squares = np.zeros(self._whole.harmonics)  # about the mean
+
+    def add(self, angle: FloatArray, force: FloatArray) -> None:
+        """Take forces [N] at angles [rad], in order of time."""
+        if not angle.size:
+            return
+        before = angle[0] if math.isnan(self._last) else self._last
+        self._last = float(angle[-1])
+        steps = np.abs(np.mod(np.diff(angle, prepend=before) + math.pi, 2.0 * math.pi) - math.pi)
+        turns = self._part.turns + np.cumsum(steps) / (2.0 * math.pi)
+        weight = steps * np.sin(math.pi / self.TURNS * turns) ** 2
+        cuts = np.flatnonzero(np.diff(np.floor(turns / self.TURNS), prepend=0.0) > 0.0).tolist()
+        if not self._whole.turns:
+            self._few.add(angle, force)
+        for first, last in zip([0, *cuts], [*cuts, angle.size], strict=True):
+            if first in cuts:
+                self._close()
+            self._part.add(angle[first:last], force[first:last], weight[first:last])
+
+    def _close(self) -> None:
+        phasors = self._part.phasors()
+        self._whole.merge(self._part)
+        self._part = OrderSums()
+        if phasors is None:
+            return
+        told = np.isfinite(phasors)
+        self._parts += told
+        shift = np.where(told, phasors - self._mean, 0.0)
+        self._mean += shift / np.maximum(self._parts, 1.0)
+        self._squares += (shift * np.where(told, phasors - self._mean, 0.0).conj()).real
+
+    @property
+    def turns(self) -> float:
+        """Of the wheel, either way."""
+        return self._whole.turns + self._part.turns
+
+    def variation(self) -> tuple[Variation | None, FloatArray]:
+        """The harmonics of all whole stretches, and the standard errors of their peak to peaks (H,) [N].
+
+        If no stretch is whole the harmonics are those of what there is, without weights; errors of fewer than three
+        stretches are NaN.
+        """
+        whole = self._whole if self._whole.turns else self._few
+        n = np.where(self._parts >= 3.0, self._parts, math.nan)
+        # half of a phasor's variance lies along it; peak to peak is twice its size
+        return whole.variation(), 2.0 * np.sqrt(0.5 * self._squares / (n * (n - 1.0)))
 
 
 # -- the moment of the highest load -------------------------------------------------------------------------------

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from typing import Literal, NamedTuple
 
+from ...science import nonuniform
 from .. import messages
 from .gather import Drive, Input
-from .theory import RPM, verdict_of
+from .theory import RPM, Bands, Errors, verdict_of
 
-__all__ = ["Finding", "Summary", "number", "seconds", "summary"]
+__all__ = ["Finding", "Summary", "critical_range", "number", "seconds", "summary"]
 
 Level = Literal["good", "note", "warning", "bad"]
 LEVELS: tuple[Level, ...] = ("good", "note", "warning", "bad")
@@ -28,6 +29,7 @@ _REASONS = {
     "malformed": "are not what their type says, and are left out",
 }
 _HARMLESS = 0.01  # share of messages of which it is only noted
+_LIKELY = 0.05  # share of tires within the errors of which it is only noted
 
 
 class Finding(NamedTuple):
@@ -50,11 +52,11 @@ class Summary(NamedTuple):
     verdicts: list[str | None]
 
 
-def summary(drive: Drive, critical: float | None) -> Summary:
+def summary(drive: Drive, critical: float | None, known: Errors | None = None, band: Bands | None = None) -> Summary:
     """Look at a drive; ``critical`` is the speed at which its tire loses stability [rad/s], if it does."""
     covered = [1.0 - min(1.0, _uncovered(drive, k) / drive.duration) for k in range(len(drive.wheels))]
     verdicts, stability = _stability(drive, critical)
-    findings = [stability, *_outputs(drive, covered), *_bag(drive)]
+    findings = [stability, *_uncertain(drive, known, band), *_outputs(drive, covered), *_bag(drive)]
     for each in drive.inputs:
         findings += _input(drive, each)
     findings += _setting(drive)
@@ -108,6 +110,32 @@ def _stability(drive: Drive, critical: float | None) -> tuple[list[str | None], 
     if "marginally stable" in verdicts:
         return verdicts, Finding("warning", f"The rotating tire was only marginally stable: {limit}.")
     return verdicts, Finding("good", f"The rotating tire was stable at every speed driven: {limit}.")
+
+
+def _uncertain(drive: Drive, known: Errors | None, band: Bands | None) -> list[Finding]:
+    """What the errors of the parameters leave of the verdict."""
+    if known is None or band is None:
+        return []
+    unstable, never = band.whole.unstable, band.whole.never
+    highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
+    level: Level = "good" if unstable == 0.0 else "note" if unstable <= _LIKELY else "warning"
+    errors = ", ".join(f"{name} {100.0 * error:.3g} %" for name, error in known.errors.items())
+    text = f"With errors of {errors} the critical speed is {critical_range(band)}, 5 to 95 % of {known.samples} tires"
+    text += f"; {100.0 * never:.3g} % have none" if never else ""
+    share = "none" if unstable == 0.0 else f"{100.0 * unstable:.3g} %"
+    return [
+        Finding(
+            level, f"{text}; {share} of them is unstable at the highest speed driven ({number(highest / RPM)} rpm)."
+        )
+    ]
+
+
+def critical_range(band: Bands) -> str:
+    """The critical speed, 5 to 95 %, in words."""
+    low, _, high = (band.whole.critical_speed / RPM).tolist()
+    if math.isinf(low):
+        return "none"
+    return f"{number(low)} rpm to none" if math.isinf(high) else f"{number(low)} to {number(high)} rpm"
 
 
 def _outputs(drive: Drive, covered: list[float]) -> list[Finding]:
@@ -171,15 +199,23 @@ def _input(drive: Drive, each: Input) -> list[Finding]:
 
 
 def _setting(drive: Drive) -> list[Finding]:
-    if drive.parameters["tire.sidewall_damping"] != "modal":
-        return []
-    return [
-        Finding(
-            "note",
+    found = []
+    if drive.parameters["tire.sidewall_damping"] == "modal":
+        text = (
             "tire.sidewall_damping is modal, the paper's: a turning tire passes on less than the load, and pushes the "
-            "axle forward with no traction at all. For a vehicle use reaction.",
         )
-    ]
+        text += "axle forward with no traction at all. For a vehicle use reaction."
+        found.append(Finding("note", text))
+    if not drive.unit.is_uniform:
+        text = "The tire is not uniform: response, Campbell diagram, map and critical speed are its mean's"
+        highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
+        sidewall = nonuniform.Nonuniformity.of(drive.unit)
+        tongue = nonuniform.nearest_tongue(drive.unit, sidewall, highest, drive.parameters["model"])
+        if tongue is not None:
+            text += "; the tongue of instability nearest to the highest speed driven begins at "
+            text += f"{number(tongue / RPM)} rpm"
+        found.append(Finding("note", f"{text}."))
+    return found
 
 
 def number(value: float) -> str:

@@ -18,7 +18,19 @@ from ..parameters import complete, unit_of
 from ..progress import progress
 from ..replay import log_record, log_topic, plan
 from ..wiring import LOG_RECORD, TICK, input_types
-from .analysis import Envelope, HeldInput, Intervals, Moment, Moments, Spectra, gaps, segment_length
+from .analysis import (
+    MEASURED,
+    Envelope,
+    HeldInput,
+    Intervals,
+    Moment,
+    Moments,
+    Orders,
+    Spectra,
+    WheelAngle,
+    gaps,
+    segment_length,
+)
 
 __all__ = ["CURVES", "Drive", "Input", "Wheel", "gather", "has_outputs"]
 
@@ -30,6 +42,7 @@ BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels toge
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
 BEYOND = 1e15  # [N]: no force of an estimator, which gives up long before; a stranger's log may have any
 MOST_GAPS = 1000  # of each wheel that are told one by one
+ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
 
 @dataclass
@@ -58,7 +71,7 @@ class Input:
 class Wheel:
     """One wheel through a drive. Forces in N, REP 103 axes; speed in rad/s; times in s."""
 
-    def __init__(self, name: str, duration: float, rate: float, buckets: int) -> None:
+    def __init__(self, name: str, duration: float, rate: float, buckets: int, timeout: float) -> None:
         self.name = name
         self.curves = {curve: Envelope(0.0, duration, buckets) for curve in CURVES}
         self.numbers = {curve: Moments() for curve in CURVES}
@@ -70,6 +83,8 @@ class Wheel:
         self.missing = 0.0  # [s] without outputs
         self.first = self.last = math.nan
         self.intervals = Intervals()
+        self.angle = WheelAngle(timeout)
+        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by stretch
         self._held = HeldInput()
         self._before: tuple[float, float] | None = None  # tick and force
 
@@ -79,8 +94,9 @@ class Wheel:
             self.curves[curve].add(acts, values)
             self.numbers[curve].add(values)
 
-    def take_speeds(self, time: FloatArray, speed: FloatArray) -> None:
-        """Take speeds."""
+    def take_speeds(self, time: FloatArray, speed: FloatArray, stamp: FloatArray, position: FloatArray) -> None:
+        """Take speeds and, unless NaN, angles: from the times on at which they act, and the times that they are of."""
+        self.angle.add(stamp, speed, position)
         self.curves["speed"].add(time, speed)
         self.numbers["speed"].add(speed)
         values, counts = np.unique(np.round(np.abs(speed)), return_counts=True)
@@ -111,6 +127,31 @@ class Wheel:
                 self.gaps.append((begin, end))
         self._before = float(tick[-1]), float(force[-1, 1])
         self.last = float(tick[-1])
+
+    def take_turning(self, tick: FloatArray, force: FloatArray) -> None:
+        """Take axle forces (T, 2) at ticks, as they go round with the wheel."""
+        angle, speed, stretch = self.angle.at(tick)
+        rolling = np.abs(speed) >= ROLLING
+        for number in np.unique(stretch[rolling]).tolist():
+            if number not in self._orders:  # of those whose zero is their own, only the longest is of use
+                longest = max(self._orders, key=lambda key: self._orders[key][0].turns, default=MEASURED)
+                self._orders = {key: some for key, some in self._orders.items() if key in (MEASURED, longest)}
+                self._orders[number] = Orders(), Orders()
+            some = rolling & (stretch == number)
+            for orders, column in zip(self._orders[number], force.T, strict=True):
+                orders.add(angle[some], column[some])
+
+    @property
+    def measured(self) -> bool:
+        """Whether its angle was measured, and not only its speed."""
+        return self.angle.measured > 1 and MEASURED in self._orders
+
+    @property
+    def orders(self) -> tuple[Orders, Orders] | None:
+        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest stretch; if any."""
+        if self.measured:
+            return self._orders[MEASURED]
+        return max(self._orders.values(), key=lambda some: some[0].turns, default=None)
 
     @property
     def highest_speed(self) -> float:
@@ -210,7 +251,8 @@ class _Reading:
         self._tick = -(2**62)  # [ns]
         wheels = self.parameters["wheels"]
         buckets = max(100, min(BUCKETS, ALL_BUCKETS // len(wheels)))
-        self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets) for wheel in wheels]
+        timeout = self.parameters["input_timeout_s"]
+        self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
         self.inputs = {
             relative: Input(self._names[relative], kind)
             for relative, kind in input_types(wheels).items()
@@ -249,6 +291,7 @@ class _Reading:
             wheel.unusable += int((~usable).sum())
             tick, force = self._seconds(stamp[usable]), force[usable]
             wheel.take_forces(tick, force, acts, load)
+            wheel.take_turning(tick, force)
             place = of(f"{wheel.name}/ring_deflection")
             belts = np.empty(place.size, object)
             belts[:] = [block.data[k : k + n] for k, n in zip(block.start[place], block.size[place], strict=True)]
@@ -275,12 +318,15 @@ class _Reading:
 
     def _accepted(
         self, name: str, block: Block, place: IntArray, valid: NDArray[np.bool_], stamp: IntArray
-    ) -> tuple[NDArray[np.bool_], IntArray]:
-        """Which messages the model may have taken, and from when on they act [ns]; everything else is counted."""
+    ) -> tuple[NDArray[np.bool_], IntArray, IntArray]:
+        """Which messages the model may have taken, what time they are of, and from when on they act [ns].
+
+        Everything else is counted.
+        """
         known = self.inputs[name]
         received = block.log_time[place]
         if not place.size:
-            return valid, stamp
+            return valid, stamp, stamp
         known.messages += place.size
         times = self._seconds(received)
         known.intervals.add(np.diff(times, prepend=known.last))
@@ -305,7 +351,7 @@ class _Reading:
         valid[np.flatnonzero(valid)[behind]] = False
         tick = self._tick_before(place)
         counts["late"] += int((valid & (stamp < tick)).sum())
-        return valid, np.maximum(stamp, tick)
+        return valid, stamp, np.maximum(stamp, tick)
 
     def _refused(self, name: str, reason: str, valid: NDArray[np.bool_], wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
         self.inputs[name].counts[reason] += int((valid & wrong).sum())
@@ -315,24 +361,31 @@ class _Reading:
         if not place.size:
             return
         valid, stamp, groups = self._joints.decode_block(block.data, block.start[place], block.size[place])
-        valid, acts = self._accepted("joint_states", block, place, valid, stamp)
-        for some, names, velocities in groups:
+        valid, stamp, acts = self._accepted("joint_states", block, place, valid, stamp)
+        for some, names, velocities, positions in groups:
             if velocities.shape[1] != len(names):
                 self.inputs["joint_states"].counts["no velocity"] += len(some)
                 continue
             for wheel, joint in zip(self.wheels, self.parameters["joint_names"], strict=True):
                 if joint in names:
-                    speed = velocities[:, names.index(joint)]
-                    usable = self._usable_speed("joint_states", valid[some], speed)
-                    wheel.take_speeds(self._seconds(acts[some][usable]), speed[usable])
+                    column = names.index(joint)
+                    speed = velocities[:, column]
+                    angle = np.full(speed.size, math.nan) if positions is None else positions[:, column]
+                    self._take_usable_speeds("joint_states", wheel, valid[some], acts[some], speed, stamp[some], angle)
 
     def _take_speeds(
         self, name: str, wheel: Wheel, block: Block, place: IntArray, valid: Any, stamp: IntArray, speed: FloatArray
     ) -> None:
         if place.size:
-            valid, acts = self._accepted(name, block, place, valid, stamp)
-            usable = self._usable_speed(name, valid, speed)
-            wheel.take_speeds(self._seconds(acts[usable]), speed[usable])
+            valid, stamp, acts = self._accepted(name, block, place, valid, stamp)
+            self._take_usable_speeds(name, wheel, valid, acts, speed, stamp, np.full(speed.size, math.nan))
+
+    def _take_usable_speeds(
+        self, name: str, wheel: Wheel, valid: Any, acts: IntArray, speed: FloatArray, stamp: IntArray, angle: FloatArray
+    ) -> None:
+        usable = self._usable_speed(name, valid, speed)
+        times = self._seconds(acts[usable]), self._seconds(stamp[usable])
+        wheel.take_speeds(times[0], speed[usable], times[1], angle[usable])
 
     def _usable_speed(self, name: str, valid: NDArray[np.bool_], speed: FloatArray) -> NDArray[np.bool_]:
         valid = self._refused(name, "not finite", valid, ~np.isfinite(speed))
@@ -350,7 +403,7 @@ class _Reading:
                 stamp, fx = block.log_time[place], np.zeros(place.size)
             else:
                 valid, stamp, fx, fz = messages.decode_wrenches(block.data, block.start[place], block.size[place])
-            valid, acts = self._accepted(name, block, place, valid, stamp)
+            valid, _, acts = self._accepted(name, block, place, valid, stamp)
             valid = self._refused(name, "not finite", valid, ~(np.isfinite(fz) & np.isfinite(fx)))
             limit = self.parameters["max_load_n"]
             valid = self._refused(name, "load too high", valid, (np.abs(fz) > limit) | (np.abs(fx) > limit))

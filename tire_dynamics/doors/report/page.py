@@ -16,12 +16,23 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ... import __version__
+from ...science.uniformity import OrderSums
 from .. import messages
-from .findings import Summary, number, seconds, summary
-from .gather import CURVES, Drive, Wheel
-from .theory import RPM, campbell, load_to_force, response_range, stability_around, steady
+from .findings import Summary, critical_range, number, seconds, summary
+from .gather import CURVES, ROLLING, Drive, Wheel
+from .theory import RPM, Bands, Errors, bands, campbell, load_to_force, response_range, stability_around, steady
 
-__all__ = ["belts", "campbell_figure", "coverage_figure", "force_figure", "page", "spectra_figure", "stability_figure"]
+__all__ = [
+    "belts",
+    "campbell_figure",
+    "coverage_figure",
+    "force_figure",
+    "page",
+    "spectra_figure",
+    "stability_figure",
+    "steady_figure",
+    "variation_figure",
+]
 
 Figure = dict[str, Any]
 
@@ -31,32 +42,38 @@ COHERENT = 0.5  # below it an estimate of the response is not drawn
 BARS = 400  # stretches of a wheel's outputs that are drawn
 
 # A text that begins with $ is a colour of the template, which has a light and a dark scheme.
-INK, SOFT, GRID, BAND = "$ink", "$soft", "$grid", "$band"
+INK, SOFT, GRID, BAND, ERRORS = "$ink", "$soft", "$grid", "$band", "$errors"
 
 
-def page(drive: Drive) -> tuple[str, str]:
-    """The page of a drive as HTML, and its headline."""
+def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
+    """The page of a drive as HTML, with bands if there are errors of the parameters, and its headline."""
     from plotly.offline import get_plotlyjs
 
     highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
     stability, critical = stability_around(drive.unit, highest, drive.parameters["model"])
-    found = summary(drive, critical)
+    band = None if known is None else _bands(drive, known, highest)
+    found = summary(drive, critical, known, band)
     belt, exaggeration = belts(drive)
     figures = {
         "forces": force_figure(drive),
-        "spectra": spectra_figure(drive),
+        "spectra": spectra_figure(drive, band),
         "moment": moment_figure(drive),
         "campbell": campbell_figure(drive, highest),
-        "stability": stability_figure(drive, stability, critical),
+        "stability": stability_figure(drive, stability, critical, band),
         "coverage": coverage_figure(drive),
     }
+    if band is not None and np.ptp(band.steady, axis=0).max() > 1e-6:  # reaction damping has K = 1, whatever the rest
+        figures["steady"] = steady_figure(drive, band)
+    told = [_told(wheel) for wheel in drive.wheels]
+    if any(told):
+        figures["variation"] = variation_figure(drive, told)
     data = {"figures": figures, "belts": belt, "exaggeration": exaggeration, "wheels": [w.name for w in drive.wheels]}
     values = {
         "title": html.escape(drive.name),
         "subtitle": _subtitle(drive),
         "level": found.level,
         "headline": html.escape(found.headline),
-        "tiles": _tiles(drive, found, critical),
+        "tiles": _tiles(drive, found, critical, band),
         "wheels": _chips(drive),
         "numbers": _numbers(drive, found),
         "findings": _findings(found),
@@ -64,7 +81,9 @@ def page(drive: Drive) -> tuple[str, str]:
         "parameters": _parameters(drive),
         "inputs": _inputs(drive),
         "segments": _segments(drive),
-        "closed_form": _closed_form(drive),
+        "closed_form": _closed_form(drive, band),
+        "steady": _plot("steady") if "steady" in figures else "",
+        "variation": _variation(drive, told),
         "exaggeration": number(exaggeration),
         "damping": html.escape(drive.parameters["tire.sidewall_damping"]),
         "zeta": f"{drive.unit.zeta_1:g}",
@@ -107,7 +126,17 @@ def _broken(time: NDArray[Any], value: NDArray[Any], wheel: Wheel) -> tuple[NDAr
     return np.insert(time, place[alone], middle[alone]), np.insert(value, place[alone], math.nan)
 
 
-def spectra_figure(drive: Drive) -> Figure:
+def _bands(drive: Drive, known: Errors, highest: float) -> Bands:
+    """Bands on K from standstill on and at the wheels' mean speeds, which come last, and on the response there."""
+    means = np.array([_mean_speed(wheel) for wheel in drive.wheels])
+    speeds = np.concatenate([np.linspace(0.0, max(highest, 100.0 * RPM), 80), means])
+    spectra = drive.wheels[0].spectra
+    line = spectra.rate / spectra.length
+    frequency = np.geomspace(line, line * math.floor(IMAGES * spectra.length), 200)
+    return bands(drive.unit, known, highest, speeds, means, frequency, drive.parameters["model"])
+
+
+def spectra_figure(drive: Drive, band: Bands | None = None) -> Figure:
     """The force on the axle over the load, seen and computed; its phase, the coherence, and both spectra."""
     model, unit = drive.parameters["model"], drive.unit
     titles = ("F' over load [-]", "Phase [deg]", "Coherence [-]", "Density [N\u00b2/Hz]")
@@ -120,6 +149,8 @@ def spectra_figure(drive: Drive) -> Figure:
         _key("spectrum of the load", "load", "dot", 1.4),
         _key("spectrum of the axle force", "data", "solid", 2.2, shown=False),
     ]
+    if band is not None:
+        traces.insert(3, _key("5 to 95 % within the errors of the parameters", "errors", "solid", 9, ERRORS))
     lowest, highest = math.inf, 0.0
     for index, wheel in enumerate(drive.wheels):
         seen = wheel.spectra.transfer()
@@ -136,11 +167,11 @@ def spectra_figure(drive: Drive) -> Figure:
         gain = np.where(coherence >= COHERENT, gain, math.nan)
         phase = np.where(coherence >= COHERENT, np.degrees(phase), math.nan)
         K = steady(unit, mean, model)
-        both = np.concatenate([f_line, f_line[::-1]])
         hidden = {"hoverinfo": "skip"}
+        traces.append(_filled(f_line, (low, high), BAND, wheel.name, index, "range"))
+        if band is not None:
+            traces.append(_filled(band.frequency, band.response[::2, index], ERRORS, wheel.name, index))
         traces += [
-            _line(both, np.concatenate([high, low[::-1]]), BAND, wheel.name, wheel=index, group="range", width=0)
-            | {"fill": "toself", "fillcolor": BAND} | hidden,
             _line(f[[0, -1]], [K, K], colour, wheel.name, wheel=index, group="K", width=1.2, dash="dot")
             | {"hovertemplate": f"K = %{{y:.4f}}<extra>{wheel.name}</extra>"},
             _line(f, gain, colour, wheel.name, wheel=index, group="data", width=2.6)
@@ -167,6 +198,60 @@ def spectra_figure(drive: Drive) -> Figure:
     layout["yaxis3"] |= {"range": [-0.02, 1.04], "dtick": 0.5}
     layout["yaxis4"] |= {"type": "log", "dtick": 2, "tickformat": ".0e"}
     return {"data": traces + models, "layout": layout}
+
+
+def steady_figure(drive: Drive, band: Bands) -> Figure:
+    """K over speed with its band, and the wheels at their mean speeds."""
+    count = band.speed.size - len(drive.wheels)
+    rpm = band.speed[:count] / RPM
+    K = np.broadcast_to(steady(drive.unit, band.speed, drive.parameters["model"]), band.speed.shape)
+    within = "5 to 95 % within the errors of the parameters"
+    traces = [
+        _filled(rpm, band.steady[::2, :count], ERRORS, within) | {"showlegend": True},
+        _line(rpm, K[:count], INK, "K", width=1.8) | {"hovertemplate": "K = %{y:.4f} at %{x:.0f} rpm<extra></extra>"},
+    ]
+    for index, wheel in enumerate(drive.wheels):
+        if wheel.numbers["speed"].count:
+            low, _, high = band.steady[:, count + index]
+            shown = {"mode": "markers", "marker": {"size": 10, "color": _colour(index)}}
+            said = f"K = %{{y:.4f}}, {low:.4f} to {high:.4f}, at %{{x:.0f}} rpm<extra>{wheel.name}</extra>"
+            x, y = band.speed[[count + index]] / RPM, K[[count + index]]
+            traces.append(_line(x, y, _colour(index), wheel.name, wheel=index) | shown | {"hovertemplate": said})
+    layout = _rows(("K [-]",), "Speed [rpm]") | {"height": 320}
+    layout["xaxis"]["range"] = [0.0, rpm[-1]]
+    return {"data": traces, "layout": layout}
+
+
+Told = tuple[Any, NDArray[Any]]  # the harmonics of one force of a wheel, and their standard errors
+
+
+def _told(wheel: Wheel) -> tuple[Told, Told] | None:
+    """The harmonics of axle force x and z, if they can be told."""
+    if wheel.orders is None:
+        return None
+    x, z = (orders.variation() for orders in wheel.orders)
+    return None if x[0] is None or z[0] is None else (x, z)
+
+
+def variation_figure(drive: Drive, told: Sequence[tuple[Told, Told] | None]) -> Figure:
+    """Peak to peak of each harmonic of the turn, with standard errors, of axle force z and x."""
+    traces = []
+    for index, (wheel, forces) in enumerate(zip(drive.wheels, told, strict=True)):
+        for row, (variation, error) in enumerate(forces[::-1] if forces else ()):
+            size = variation.peak_to_peak
+            place = {"x": list(range(1, size.size + 1)), "y": _typed(size), "yaxis": "y2" if row else "y"}
+            look = {"marker": {"color": _colour(index)}, "name": wheel.name, "offsetgroup": str(index)}
+            bar = {"type": "bar", "showlegend": False, "meta": {"wheel": index, "group": ""}} | place | look
+            bar["hovertemplate"] = f"harmonic %{{x}}: %{{y:.3g}} N peak to peak<extra>{wheel.name}</extra>"
+            if np.isfinite(error).any():
+                bar["error_y"] = {"type": "data", "array": _typed(error), "color": SOFT, "thickness": 1, "width": 2}
+            traces.append(bar)
+    layout = _rows(("Axle z, peak to peak [N]", "Axle x, peak to peak [N]"), "Harmonic of the wheel's turn")
+    layout |= {"height": 460, "barmode": "group", "bargap": 0.25}
+    layout["xaxis"] |= {"dtick": 1, "tick0": 1, "range": [0.4, OrderSums().harmonics + 0.6], "fixedrange": True}
+    for axis in ("yaxis", "yaxis2"):
+        layout[axis] |= {"rangemode": "nonnegative"}
+    return {"data": traces, "layout": layout}
 
 
 def moment_figure(drive: Drive) -> Figure:
@@ -275,7 +360,7 @@ def campbell_figure(drive: Drive, highest: float) -> Figure:
     return {"data": traces, "layout": layout}
 
 
-def stability_figure(drive: Drive, grid: Any, critical: float | None) -> Figure:
+def stability_figure(drive: Drive, grid: Any, critical: float | None, band: Bands | None = None) -> Figure:
     """How fast the slowest motion decays or grows over speed and zeta_1, where the drive was, and the limit."""
     least = float(grid.abscissa.min())
     size = max(-1.5 * least if least < 0.0 else float(np.quantile(grid.abscissa, 0.9)), 1e-9)
@@ -314,6 +399,14 @@ def stability_figure(drive: Drive, grid: Any, critical: float | None) -> Figure:
             | {"hovertemplate": f"{wheel.name}: up to {number(fast)} rpm<extra></extra>"}
         )
     marks: list[Figure] = []
+    if band is not None and math.isfinite(band.whole.critical_speed[0]):
+        low, high = np.minimum(band.whole.critical_speed[::2], grid.x[-1]) / RPM
+        ends = {"symbol": "line-ns-open", "size": 18, "color": INK, "line": {"width": 2, "color": INK}}
+        traces.append(
+            _line([low, high], [zeta, zeta], INK, "critical speed within the errors", width=3)
+            | {"mode": "lines+markers", "marker": ends}
+            | {"hovertemplate": f"critical speed, 5 to 95 %: {critical_range(band)}<extra></extra>"}
+        )
     if critical is not None:
         traces.append(
             {"type": "scatter", "mode": "markers", "x": [critical / RPM], "y": [zeta], "name": "critical speed"}
@@ -391,6 +484,14 @@ def _line(
     }
 
 
+def _filled(
+    x: NDArray[Any], y: Any, colour: str, name: str, wheel: int | None = None, group: str = "errors"
+) -> Figure:  # fmt: skip
+    """A trace that fills what lies between two curves, (2, N)."""
+    around = _line(np.concatenate([x, x[::-1]]), np.concatenate([y[1], y[0][::-1]]), colour, name, 0, wheel, group, 0)
+    return around | {"fill": "toself", "fillcolor": colour, "hoverinfo": "skip"}
+
+
 def _key(name: str, group: str, dash: str, width: float, colour: str = INK, shown: bool = True) -> Figure:
     """An entry of the legend without a curve of its own."""
     line = {"color": colour, "width": width, "dash": dash}
@@ -445,7 +546,7 @@ def _subtitle(drive: Drive) -> str:
     return html.escape(f"{begun:%Y-%m-%d %H:%M:%S} UTC \u00b7 {seconds(drive.duration)} \u00b7 {source}")
 
 
-def _tiles(drive: Drive, found: Summary, critical: float | None) -> str:
+def _tiles(drive: Drive, found: Summary, critical: float | None, band: Bands | None) -> str:
     loads = [(wheel.numbers["load_z"].high, wheel.name) for wheel in drive.wheels if wheel.numbers["load_z"].count]
     forces = [(wheel.numbers["axle_z"].peak, wheel.name) for wheel in drive.wheels if wheel.outputs]
     fastest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
@@ -458,7 +559,11 @@ def _tiles(drive: Drive, found: Summary, critical: float | None) -> str:
         (
             "Critical speed",
             "none" if critical is None else f"{number(critical / RPM)} rpm",
-            "stable at every speed" if critical is None else f"zeta_1 = {drive.unit.zeta_1:g}",
+            f"5 to 95 %: {critical_range(band)}"
+            if band is not None
+            else "stable at every speed"
+            if critical is None
+            else f"zeta_1 = {drive.unit.zeta_1:g}",
         ),
     ]
     return "".join(
@@ -554,14 +659,71 @@ def _segments(drive: Drive) -> str:
     return f"Welch, Hann, {number(most)} segments of {seconds(length)}, half overlapping{few}."
 
 
-def _closed_form(drive: Drive) -> str:
+def _closed_form(drive: Drive, band: Bands | None) -> str:
     words = []
-    for wheel in drive.wheels:
+    for index, wheel in enumerate(drive.wheels):
         if wheel.numbers["speed"].count:
             mean = _mean_speed(wheel)
             K = steady(drive.unit, mean, drive.parameters["model"])
-            words.append(f"{wheel.name} {K:.4f} at {number(mean / RPM)} rpm")
-    return html.escape(", ".join(words)) or "-"
+            within = ""
+            if band is not None:
+                low, _, high = (f"{value:.4f}" for value in band.steady[:, index - len(drive.wheels)])
+                within = f" ({low} to {high})" if low != high else ""
+            words.append(f"{wheel.name} {K:.4f}{within} at {number(mean / RPM)} rpm")
+    text = ", ".join(words) or "-"
+    return html.escape(f"{text}; in brackets 5 to 95 % within the errors of the parameters" if "(" in text else text)
+
+
+def _plot(name: str) -> str:
+    return f'<div class="plot" id="plot-{name}" data-figure="{name}"></div>'
+
+
+def _variation(drive: Drive, told: Sequence[tuple[Told, Told] | None]) -> str:
+    """Chart and tables of the harmonics, and a line for each wheel that has none."""
+    parts, silent = [], []
+    for wheel, forces in zip(drive.wheels, told, strict=True):
+        if forces is None:
+            turns = 0.0 if wheel.orders is None else wheel.orders[0].turns
+            reason = f"{turns:.2g} turns above {ROLLING / RPM:.0f} rpm with a force, too few or too uneven to tell"
+            silent.append(f"<p>{html.escape(wheel.name)}: {reason} harmonics.</p>")
+    if any(told):
+        parts = [
+            _plot("variation"),
+            "<h3>Axle force z, N peak to peak and phase of each harmonic</h3>",
+            _harmonics(drive, told, 1),
+        ]
+        parts += ["<details><summary>Fore and aft: axle force x</summary>", _harmonics(drive, told, 0), "</details>"]
+        relative = [wheel.name for wheel, some in zip(drive.wheels, told, strict=True) if some and not wheel.measured]
+        if relative:
+            names = "all wheels" if len(relative) == len(drive.wheels) else ", ".join(relative)
+            parts.append(
+                f'<p class="how">Of {html.escape(names)} the log has no angle: it is integrated from the speed, and 0 '
+                "at the beginning of the longest stretch without a gap. Phases are relative to that.</p>"
+            )
+    return "".join([*parts, *silent])
+
+
+def _harmonics(drive: Drive, told: Sequence[tuple[Told, Told] | None], force: int) -> str:
+    """A table: of each harmonic N peak to peak with its error, and below it the phase, if the error lets it be told."""
+    rows = []
+    for wheel, forces in zip(drive.wheels, told, strict=True):
+        if forces is None:
+            rows.append([wheel.name, *["-"] * (2 + OrderSums().harmonics)])
+            continue
+        variation, error = forces[force]
+        cells = []
+        for size, phase, deviation in zip(variation.peak_to_peak, variation.phase, error, strict=True):
+            known = "" if math.isnan(deviation) else f" \u00b1 {_newton(deviation)}"
+            clear = not size < 2.0 * deviation
+            at = f"{math.degrees(phase):.0f}\u00b0" if clear else "-"
+            cells.append("-" if math.isnan(size) else f"{_newton(size)}{known}\n{at}")
+        rows.append([wheel.name, f"{variation.turns:.1f}", _newton(variation.whole), *cells])
+    header = ("wheel", "turns", "all", *map(str, range(1, OrderSums().harmonics + 1)))
+    return _table(header, rows, wheels=True)
+
+
+def _newton(value: float) -> str:
+    return f"{value:.1f}" if value < 9.95 else number(value)
 
 
 def _table(header: Sequence[str], rows: Iterable[Sequence[str]], *, wheels: bool = False) -> str:
@@ -571,6 +733,12 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]], *, wheels: bool
     for index, (first, *rest) in enumerate(rows):
         mark = f' data-wheel="{index}"' if wheels else ""
         dot = f'<i class="dot" style="--c:var(--wheel{index % COLOURS})"></i>' if wheels else ""
-        cells = "".join(f"<td>{html.escape(cell)}</td>" for cell in rest)
+        cells = "".join(f"<td>{_cell(cell)}</td>" for cell in rest)
         body += f"<tr{mark}><th scope='row'>{dot}{html.escape(first)}</th>{cells}</tr>"
     return f"<div class='scroll' tabindex='0'><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>"
+
+
+def _cell(text: str) -> str:
+    """Further lines are small."""
+    first, *more = html.escape(text).split("\n")
+    return first + "".join(f"<small>{line}</small>" for line in more)

@@ -1,25 +1,33 @@
-"""What the model says about a tire, as arrays for the report's charts. Speeds in rad/s, frequencies in Hz."""
+"""What the model says about a tire, as arrays for the report's charts. Speeds in rad/s, frequencies in Hz.
+
+Of a tire that is not uniform all but the verdict is its mean's.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...science import wheel
+from ...science import uncertainty, wheel
 from ...science.floquet import VERDICTS, Verdict
 from ...science.maps import StabilityMap
 from ...science.modes import RingModes
 from ...science.response import frequency_response
 from ...science.unit import TireWheelUnit
+from ..errors import InputError
 from ..figures.tables import WHEEL_MODES, wave_exponents, wheel_exponents
 
 __all__ = [
     "CAMPBELL_WAVES",
+    "Bands",
     "Campbell",
+    "Errors",
+    "bands",
     "campbell",
     "load_to_force",
     "response_range",
@@ -45,11 +53,11 @@ def load_to_force(
         return np.full((*np.shape(speed), frequency.size), math.nan + 0j)
 
 
-def steady(unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional") -> float:
-    """K = F'/F of a constant load: the closed form where it holds, else :func:`load_to_force` at 0 Hz."""
+def steady(unit: TireWheelUnit, speed: FloatArray | float, model: wheel.Model = "inextensional") -> Any:
+    """K = F'/F of a constant load at speeds: the closed form where it holds, else :func:`load_to_force` at 0 Hz."""
     if model == "inextensional" and unit.contact_half_angle == 0.0:
-        return float(wheel.transmissibility(unit, speed))
-    return float(np.abs(load_to_force(unit, speed, np.zeros(1), model))[0])
+        return wheel.transmissibility(unit, speed)
+    return np.abs(load_to_force(unit, speed, np.zeros(1), model))[..., 0]
 
 
 def response_range(
@@ -60,13 +68,66 @@ def response_range(
     return gain.min(axis=0), gain.max(axis=0)
 
 
+class Errors(NamedTuple):
+    """Standard errors of a unit's parameters, as ``science.uncertainty.sample`` takes them."""
+
+    errors: dict[str, float]
+    correlation: FloatArray | None
+    samples: int
+    seed: int
+
+
+class Bands(NamedTuple):
+    """What 5, 50 and 95 % of samples of a tire lie below; ``whole`` has the critical speed [rad/s].
+
+    ``steady`` is K at the speeds asked for, (3, S); ``response`` the modulus of the response at the wheels' mean speeds
+    and the frequencies, (3, W, N).
+    """
+
+    whole: uncertainty.Bands
+    speed: FloatArray
+    steady: FloatArray
+    frequency: FloatArray
+    response: FloatArray
+
+
+def bands(
+    unit: TireWheelUnit,
+    known: Errors,
+    highest: float,
+    speed: FloatArray,
+    means: FloatArray,
+    frequency: FloatArray,
+    model: wheel.Model = "inextensional",
+) -> Bands:
+    """What errors of the parameters do, up to the highest speed driven; ``InputError`` if they are none."""
+    unit = unit.mean
+    options: Any = {"samples": known.samples, "seed": known.seed}
+    try:
+        whole = uncertainty.bands(unit, highest, known.errors, known.correlation, model=model, **options)
+        units = uncertainty.sample(unit, known.errors, known.correlation, **options)
+    except (ArithmeticError, ValueError) as error:
+        raise InputError(str(error)) from None
+    K = np.array([steady(each, speed, model) for each in units])
+    gain = np.array([np.abs(load_to_force(each, means, frequency, model)) for each in units])
+    quantiles = [np.quantile(each, uncertainty.SHARES, axis=0) for each in (K, gain)]
+    return Bands(whole, speed, quantiles[0], frequency, quantiles[1])
+
+
 def verdict_of(
     unit: TireWheelUnit, speeds: Iterable[float], model: wheel.Model = "inextensional"
 ) -> tuple[Verdict, list[float]]:
     """The worst verdict at some speeds, and the speeds at which it is "unstable"."""
-    each = {speed: wheel.stability(unit, speed, model).verdict for speed in speeds}
+    each = {speed: _verdict(unit, speed, model) for speed in speeds}
     worst = max(each.values(), key=VERDICTS.index, default=VERDICTS[0])
     return worst, [speed for speed, verdict in each.items() if verdict == "unstable"]
+
+
+@lru_cache(maxsize=4096)
+def _verdict(unit: TireWheelUnit, speed: float, model: wheel.Model) -> Verdict:
+    if not unit.is_uniform:
+        speed = max(abs(speed), 20.0)  # as wheel.is_unstable has it: slower takes long, and tells no more
+    return wheel.stability(unit, speed, model).verdict
 
 
 class Campbell(NamedTuple):
@@ -97,6 +158,7 @@ def stability_around(
     unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional"
 ) -> tuple[StabilityMap, float | None]:
     """A map over speed and zeta_1 around a unit and the highest speed driven, and its critical speed [rad/s]."""
+    unit = unit.mean
     critical = wheel.critical_speed(unit, model)
     top = max(2.5 * highest, 3.0 * (critical or 0.0), 3000.0 * RPM)
     speeds = np.geomspace(60.0 * RPM, top, 140)
