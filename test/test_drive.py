@@ -272,6 +272,9 @@ def test_compiled_kernels_have_the_same_bits(seed, complete):
     assert np.isfinite(found[0][0]).any() and np.array_equal(*states, equal_nan=True) and np.array_equal(*phases)
     assert all(np.array_equal(*pair, equal_nan=True) for pair in zip(*found, strict=True))
     states = [rng.normal(size=(W, n))] * 2
+    wheel_x = rng.normal(size=2 * p)
+    pulls = [module.axle_pull(states[0], phases[0], *parts[3:5], wheel_x) for module in (kernels, compiled)]
+    assert np.array_equal(*pulls)
     output = rng.normal(size=(W, n, 2))
     read = [module.read(states[0], output) for module in (kernels, compiled)]
     assert np.array_equal(read[0][0], read[1][0]) and np.array_equal(read[0][1], read[1][1])

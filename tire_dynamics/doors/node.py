@@ -275,7 +275,7 @@ class TireDynamicsNode(LifecycleNode):
         # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
-        self._add_duty(1.0 / len(wheels), self._look_at_stability)
+        self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
         if not self._paced:
             self._add_duty(self._period * 1e-9, self._tick)
         self._publish_transforms()
@@ -553,7 +553,7 @@ class TireDynamicsNode(LifecycleNode):
 
         return reply
 
-    def _look_at_stability(self) -> None:
+    def _look_at_a_wheel(self) -> None:
         if not self._active:
             return
         index = self._next_wheel
@@ -562,6 +562,7 @@ class TireDynamicsNode(LifecycleNode):
             self._stabilities[index] = self._wiring.vehicle.stability(index, quick=True)
         except (ArithmeticError, ValueError) as error:
             self._stabilities[index] = {"verdict": f"unknown: {error}"}
+        self._variations.take_up(index)
 
     def _diagnose(self) -> None:
         if self._active:
@@ -571,7 +572,6 @@ class TireDynamicsNode(LifecycleNode):
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
-            self._variations.take_up()
             array.status = [self._node_status()]
             for index in range(len(self._wiring.vehicle.schedules)):
                 array.status.append(self._wheel_status(index))

@@ -215,8 +215,11 @@ class Motion:
 
     def _add_pull(self, forces: FloatArray, states: FloatArray, phases: FloatArray) -> None:
         """Add to axle forces (..., 2) what a sidewall that is not uniform does on a wheel that is held fore and aft."""
-        if self._turning is not None and self.unit.is_held:
-            forces[..., 0] += turning.axle_pull(self._turning, states, phases)
+        parts = self._turning
+        if parts is not None and self.unit.is_held:
+            rows = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
+            pull = self.kernels.axle_pull(rows, phases.reshape(-1), parts.seen, parts.spring, parts.wheel_x)
+            forces[..., 0] += pull.reshape(phases.shape)
 
     def _speeds(self, speed: FloatArray, begin: IntArray, end: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
         """Which transitions each step needs, those transitions' series, and the changes of the speed."""

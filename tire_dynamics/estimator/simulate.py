@@ -126,7 +126,7 @@ def simulate(
         states, angles = _integrate_turning(parts, steps, force, start, angle, model)
     axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
     if parts is not None and unit.is_held:
-        axle[:, 0] += turning.axle_pull(parts, states, angles)
+        axle[:, 0] += fastest_kernels().axle_pull(states, angles, parts.seen, parts.spring, parts.wheel_x)
     u_z = u_theta = None
     if shape is not None:
         modes = RingModes(unit, numbers, model)

@@ -7,6 +7,7 @@ import operator
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from types import ModuleType
 from typing import Any, NamedTuple
 
@@ -393,12 +394,25 @@ class Vehicle:
     def stability(self, index: int, *, quick: bool = False) -> dict[str, Any]:
         """The stability reply for one wheel at its present speed; at standstill before there is a speed.
 
-        Of a tire that is not uniform this takes longer the slower it turns; ``quick`` takes 20 rad/s for less.
+        Parameters
+        ----------
+        index : int
+            Of the wheel.
+        quick : bool
+            Of a tire that is not uniform this takes some milliseconds, and longer the slower it turns. Whether to take
+            the speed to 1 rad/s, and 20 rad/s for less, and to remember the reply.
         """
-        speed = self.schedules[index].speed
-        if quick and speed and not self.unit.is_uniform:
-            speed = math.copysign(max(abs(speed), 20.0), speed)
-        return stability_reply(self.settings.wheels[index], self.unit, speed, self.settings.model)
+        name, speed = self.settings.wheels[index], self.schedules[index].speed
+        if not quick or self.unit.is_uniform:
+            return stability_reply(name, self.unit, speed, self.settings.model)
+        if speed:
+            speed = math.copysign(max(float(round(abs(speed))), 20.0), speed)
+        return {**_remembered_reply(self.unit, speed, self.settings.model), "wheel": name}
+
+
+@lru_cache(maxsize=256)
+def _remembered_reply(unit: TireWheelUnit, speed: float, model: wheel.Model) -> dict[str, Any]:
+    return stability_reply("", unit, speed, model)
 
 
 def stability_reply(

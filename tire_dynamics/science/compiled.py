@@ -20,6 +20,7 @@ from .kernels import LONGEST, MOST_TOGETHER, NEGLIGIBLE
 __all__ = [
     "advance_first",
     "advance_turning",
+    "axle_pull",
     "deflections",
     "follow",
     "read",
@@ -289,6 +290,28 @@ def read(state: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]
 
 
 _formula, _twist = _compile(formula), _compile(twist)
+
+
+@_compile
+def axle_pull(
+    state: FloatArray, phase: FloatArray, seen: FloatArray, spring: FloatArray, wheel_x: FloatArray
+) -> FloatArray:
+    M, n = state.shape
+    cosine, sine, work, result = np.empty(M), np.empty(M), np.empty((2, M)), np.empty(M)
+    _grow(np.zeros(M), 2.0 * phase, 1.0, cosine, sine, work[0], work[1])
+    for m in range(M):
+        total = 0.0
+        for p in range(len(spring)):
+            X, Y = seen[2 * p, 0] * state[m, 0], seen[2 * p + 1, 0] * state[m, 0]
+            for b in range(1, n):
+                X += seen[2 * p, b] * state[m, b]
+                Y += seen[2 * p + 1, b] * state[m, b]
+            real = spring[p, 0] * cosine[m] - spring[p, 1] * sine[m]
+            imaginary = spring[p, 0] * sine[m] + spring[p, 1] * cosine[m]
+            total = total - wheel_x[2 * p] * (real * X + imaginary * Y)
+            total = total - wheel_x[2 * p + 1] * (imaginary * X - real * Y)
+        result[m] = total
+    return result
 
 
 @_compile

@@ -14,7 +14,17 @@ from numpy.typing import NDArray
 from .coefficients import formula, twist
 from .elementary import cos_sin, growth
 
-__all__ = ["advance_first", "advance_turning", "deflections", "follow", "read", "series", "whirl_changes", "whirls"]
+__all__ = [
+    "advance_first",
+    "advance_turning",
+    "axle_pull",
+    "deflections",
+    "follow",
+    "read",
+    "series",
+    "whirl_changes",
+    "whirls",
+]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -312,6 +322,31 @@ def _euler(state: FloatArray, change: FloatArray) -> None:
 def read(state: FloatArray, output: FloatArray) -> tuple[FloatArray, FloatArray]:
     """What is put out of states (W, n): output (W, n, 2) times the state, (W, 2), and the largest size in it, (W,)."""
     return np.add.reduce(output * state[:, :, None], axis=1), np.abs(state).max(axis=1)
+
+
+def axle_pull(
+    state: FloatArray, phase: FloatArray, seen: FloatArray, spring: FloatArray, wheel_x: FloatArray
+) -> FloatArray:
+    """What the springs beyond their mean add to the force on a held wheel along x_ros [N], shape (M,).
+
+    Parameters
+    ----------
+    state : ndarray, shape (M, n)
+        In the fixed frame.
+    phase : ndarray, shape (M,)
+        phi [rad].
+    seen, spring, wheel_x
+        Of :class:`.turning.Turning`.
+    """
+    R = np.add.reduce(state[:, :, None] * np.ascontiguousarray(seen.T), axis=1)
+    cosine, sine = cos_sin(2.0 * phase)
+    total = np.zeros_like(phase)
+    for p, (a, b) in enumerate(spring.tolist()):
+        real, imaginary = a * cosine - b * sine, a * sine + b * cosine
+        X, Y = R[:, 2 * p], R[:, 2 * p + 1]
+        total = total - wheel_x[2 * p] * (real * X + imaginary * Y)  # x_ros = -X
+        total = total - wheel_x[2 * p + 1] * (imaginary * X - real * Y)
+    return total
 
 
 def whirls(

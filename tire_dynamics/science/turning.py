@@ -25,7 +25,7 @@ from .nonuniform import Nonuniformity, sidewall
 from .stepping import solve_in_order
 from .unit import TireWheelUnit
 
-__all__ = ["Turning", "axle_pull", "contact_stiffness", "steady_state", "turning"]
+__all__ = ["Turning", "contact_stiffness", "steady_state", "turning"]
 
 FloatArray = NDArray[np.float64]
 
@@ -215,29 +215,3 @@ def steady_state(
         cosine, sine = cos_sin((j + 1) * phase)
         total += float(cosine) * xy[:n] + float(sine) * xy[n:]
     return total if np.isfinite(total).all() else mean
-
-
-def axle_pull(parts: Turning, states: FloatArray, phases: FloatArray) -> FloatArray:
-    """What the springs beyond their mean add to the force on a held wheel along x_ros [N].
-
-    Parameters
-    ----------
-    parts : Turning
-    states : ndarray, shape (..., n)
-        In the fixed frame.
-    phases : ndarray, shape (...,)
-        phi [rad].
-
-    Returns
-    -------
-    ndarray, shape (...,)
-    """
-    R = np.add.reduce(states[..., None] * np.ascontiguousarray(parts.seen.T), axis=-2)
-    cosine, sine = cos_sin(2.0 * phases)
-    total = np.zeros_like(phases)
-    for pair, (a, b) in enumerate(parts.spring.tolist()):
-        real, imaginary = a * cosine - b * sine, a * sine + b * cosine
-        X, Y = R[..., 2 * pair], R[..., 2 * pair + 1]
-        for k, g in ((2 * pair, real * X + imaginary * Y), (2 * pair + 1, imaginary * X - real * Y)):
-            total = total - float(parts.wheel_x[k]) * g  # x_ros = -X
-    return total
