@@ -16,7 +16,7 @@ from test_cli import called, refused
 from test_wheel import STABLE_AGAIN, TABLE_1, units
 
 from tire_dynamics import floquet, wheel
-from tire_dynamics.science import maps
+from tire_dynamics.science import maps, nonuniform
 
 RPM = math.pi / 30.0
 MODELS = ("inextensional", "complete")
@@ -339,6 +339,58 @@ def test_files(tmp_path):
     assert called(*arguments, tmp_path / "b.png").returncode == 0
     for suffix in ("png", "npz"):
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+
+
+VARYING = TABLE_1.replace(
+    zeta_1=0.02, zeta_s=0.02,
+    radial_nonuniformity=[(2, 0.2, 0.3)], tangential_nonuniformity=[(2, 0.2, 0.3 + math.pi / 2)],
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("axes", ["xy", "yx"])
+def test_tongues_over_the_amplitudes(tmp_path, axes):
+    """Point by point; the boundary lies where growth begins, to a cell of the grid, a tongue where its tip is said."""
+    VARYING.to_yaml(tmp_path / "unit.yaml")
+    along = {axes[0]: "speed_rpm=4000:7000:31", axes[1]: "nonuniformity=0:1.5:16"}
+    arguments = [text for axis, value in along.items() for text in (f"--{axis}", value)]
+    done = called("map", *arguments, "--config", tmp_path / "unit.yaml", "-o", tmp_path / "m.png")
+    assert done.returncode == 0, done.stderr
+    with np.load(tmp_path / "m.npz") as file:
+        arrays = dict(file)
+    speeds, scales = (arrays[axis] for axis in axes)
+    verdict = arrays["verdict"] if axes == "xy" else arrays["verdict"].T
+    growth = arrays["spectral_abscissa_1_s"] if axes == "xy" else arrays["spectral_abscissa_1_s"].T
+    for i, j in ((3, 7), (10, 7), (15, 21), (0, 4)):
+        alone = nonuniform.stability(VARYING, nonuniform.Nonuniformity.of(VARYING).scaled(scales[i]), speeds[j] * RPM)
+        assert floquet.VERDICTS[verdict[i, j]] == alone.verdict
+        assert growth[i, j] == pytest.approx(alone.exponents.real.max(), rel=1e-6, abs=1e-6)
+    boundary = arrays["boundary"] if axes == "xy" else arrays["boundary"][:, ::-1]
+    assert len(boundary) > 20 and arrays["segments"].max() == len(boundary) - 1
+    for tip in nonuniform.tongue_tips(VARYING, nonuniform.Nonuniformity.of(VARYING)):
+        if 4000.0 < tip.speed / RPM < 7000.0:
+            near = boundary[np.abs(boundary[:, 0] - tip.speed / RPM) < 100.0]  # the grid's step
+            assert near[:, 1].min() == pytest.approx(tip.threshold, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--x", "speed=1:2:2", "--y", "zeta_1=0.1:0.2:2"), "not uniform"),
+        (("--x", "nonuniformity=0:1:2", "--y", "zeta_1=0.1:0.2:2", "--speed-rpm", "9"), "beside speed"),
+        (("--x", "speed=0:2:2", "--y", "nonuniformity=0:1:2"), "not zero"),
+        (("--x", "speed=1:2:2", "--y", "nonuniformity=0:6:2"), "must be > 0"),
+        (("--x", "speed=1:2:2", "--y", "nonuniformity=-1:1:2"), ">= 0"),
+        (("--x", "speed=1:2:2", "--y", "nonuniformity=0:1:2", "--quantity", "transmissibility"), "map of stability"),
+    ],
+)
+def test_maps_that_a_varying_unit_cannot_have(tmp_path, arguments, words):
+    VARYING.to_yaml(tmp_path / "unit.yaml")
+    assert words in refused("map", *arguments, "--config", tmp_path / "unit.yaml", "-o", tmp_path / "m.png")
+
+
+def test_a_uniform_unit_has_no_amplitudes_to_map(tmp_path):
+    said = refused("map", "--x", "speed=1:2:2", "--y", "nonuniformity=0:1:2", "-o", tmp_path / "m.png")
+    assert "is uniform" in said
 
 
 def test_transmissibility_with_a_unit_of_ones_own(tmp_path):

@@ -30,6 +30,7 @@ POINTS = 256  # along an axis, unless told
 MOST_POINTS = 4096
 MAX_RPM = 1e7
 RPM = math.pi / 30.0
+_SCALE = "nonuniformity"
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.description = (
         "Draws a map over two fields of the unit, or over one and the speed, as PNG, and writes its numbers beside it "
-        "as .npz. FIELD is a field of a unit that is a number (see config/table_1.yaml), speed [rad/s] or speed_rpm."
+        "as .npz. FIELD is a field of a unit that is a number (see config/table_1.yaml), speed [rad/s] or speed_rpm; "
+        "beside the speed also nonuniformity, a factor of the amplitudes that the unit's sidewall has."
     )
     for axis in "xy":
         parser.add_argument(
@@ -157,7 +159,7 @@ def _axis(option: str, text: str, log: bool) -> tuple[str, Any]:
         low_high_count = []
     if len(low_high_count) not in (2, 3):
         raise InputError(f"{option} is {text!r}; it must be FIELD=LOW:HIGH or FIELD=LOW:HIGH:N, N a whole number")
-    names = (*AXES, "speed_rpm")
+    names = (*AXES, "speed_rpm", _SCALE)
     if name not in names:
         raise InputError(f"{option}: {name!r} cannot be an axis; the axes are {', '.join(names)}")
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
@@ -167,6 +169,8 @@ def _axis(option: str, text: str, log: bool) -> tuple[str, Any]:
     limit = MAX_RPM * {"speed_rpm": 1.0, "speed": RPM}.get(name, math.inf)
     if max(abs(low), abs(high)) > limit:
         raise InputError(f"{option}: {name} runs from {low} to {high}; it must be between -{limit:g} and {limit:g}")
+    if name == _SCALE and low < 0.0:
+        raise InputError(f"{option}: {name} runs from {low}; it must be >= 0")
     if log and low <= 0.0:
         raise InputError(f"{option}: LOW is {low}; for equal ratios it must be > 0")
     return name, (np.geomspace if log else np.linspace)(low, high, count)
@@ -209,7 +213,9 @@ def compute(
         "speed_rad_s": math.nan if request.speed is None else request.speed,
     }
     try:
-        if request.quantity == "transmissibility":
+        if _SCALE in (x[0], y[0]):
+            arrays |= _tongues(request, x, y, over)
+        elif request.quantity == "transmissibility":
             arrays["transmissibility"] = transmissibility_map(request.unit, x, y, speed=request.speed).transmissibility
         else:
             result = stability_map(request.unit, x, y, speed=request.speed, model=request.model, over=over)
@@ -221,9 +227,61 @@ def compute(
                 "boundary": result.boundary / factors,
                 "segments": result.segments,
             }
-    except ValueError as error:
+    except (ArithmeticError, ValueError) as error:
         raise InputError(str(error)) from None
     return {name: np.asarray(value) for name, value in arrays.items()}
+
+
+def _tongues(
+    request: MapRequest,
+    x: tuple[str, Any],
+    y: tuple[str, Any],
+    over: Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]],
+) -> dict[str, Any]:
+    """The arrays of a map over the speed and the amplitudes of a sidewall that is not uniform.
+
+    The boundary is that of the grid, the growth being joined by lines between its points.
+    """
+    import numpy as np
+    from contourpy import contour_generator
+
+    from ..science.floquet import VERDICTS
+    from ..science.nonuniform import Nonuniformity, is_genuine
+
+    if "speed" not in (x[0], y[0]) or request.quantity != "stability":
+        raise ValueError(f"{_SCALE} can be an axis of a map of stability, beside speed or speed_rpm")
+    if not is_genuine(request.unit, request.model):
+        raise ValueError(f"{_SCALE} cannot be an axis: the unit's sidewall is uniform as far as n = 1 feels it")
+    speeds, scales = (x[1], y[1]) if x[0] == "speed" else (y[1], x[1])
+    columns = over(partial(_column, request.unit.mean, Nonuniformity.of(request.unit), scales, request.model), speeds)
+    growth, radius, verdict = (np.stack(parts, axis=1) for parts in zip(*columns, strict=True))
+    if x[0] != "speed":
+        growth, radius, verdict = growth.T, radius.T, verdict.T
+    unstable = verdict == VERDICTS.index("unstable")
+    height = np.where(unstable, growth, -np.maximum(np.abs(growth), 1e-9 * np.abs(growth).max()))
+    boundary: list[Any] = [np.empty((0, 2))]
+    segments, count = [np.empty((0, 2), np.int64)], 0
+    for line in contour_generator(request.x[1], request.y[1], height).lines(0.0):
+        boundary.append(np.asarray(line))
+        place = count + np.arange(len(line))
+        segments.append(np.stack([place[:-1], place[1:]], axis=1))
+        count += len(line)
+    return {
+        "spectral_abscissa_1_s": growth,
+        "spectral_radius": radius,
+        "verdict": verdict,
+        "verdicts": VERDICTS,
+        "boundary": np.concatenate(boundary),
+        "segments": np.concatenate(segments),
+    }
+
+
+def _column(unit: TireWheelUnit, sidewall: Any, scales: Any, model: Any, speed: float) -> tuple[Any, Any, Any]:
+    """Growth, spectral radius and verdict at one speed."""
+    from ..science.nonuniform import tongue_map
+
+    found = tongue_map(unit, sidewall, [speed], scales, model)
+    return found.growth[:, 0], found.spectral_radius[:, 0], found.verdict[:, 0]
 
 
 def _account(arrays: dict[str, Any]) -> dict[str, Any]:

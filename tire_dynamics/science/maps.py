@@ -124,7 +124,7 @@ def stability_map(
     """
     wheel.fixed_frame(unit, model)  # says what is wrong with the model
     if nonuniform.is_genuine(unit, model):
-        raise ValueError("the unit's sidewall is not uniform; nonuniform.tongue_map has its stability over the speed")
+        raise ValueError("the unit's sidewall is not uniform; it can be mapped over nonuniformity and the speed")
     grid = _grid(unit, x, y, speed, model)
     nx, ny = grid.x.size, grid.y.size
     starts = range(0, nx * ny, BLOCK)

@@ -38,6 +38,7 @@ FIELDS = {
     "zeta_s": ("Damping ratio of the suspension", r"\zeta_s", ""),
     "zeta_n": ("Damping ratio of the belt's other modes", r"\zeta_n", ""),
     "contact_half_angle": ("Half angle of the contact patch", r"\varphi_c", "rad"),
+    "nonuniformity": ("Amplitudes of the sidewall, times the unit's own", "s", ""),
     "speed": ("Speed", r"\Omega", "rad/s"),
     "speed_rpm": ("Speed", r"\Omega", "rpm"),
 }
