@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -9,10 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
+from test_unit import mappings
 
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.estimator.motion import Motion, fastest_kernels
 from tire_dynamics.estimator.schedule import Plan
+from tire_dynamics.estimator.vehicle import stability_reply
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
 from tire_dynamics.science import kernels, nonuniform, ring, turning, wheel
 from tire_dynamics.science.nonuniform import Nonuniformity
@@ -344,6 +347,16 @@ def test_small_amplitudes_tend_to_the_uniform_tire(model):
     assert left[2] < 1e-10 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("module", {kernels, fastest_kernels()}, ids=lambda module: module.__name__.split(".")[-1])
+@pytest.mark.parametrize("stiffness", [1e40, 1e200])
+def test_a_unit_that_is_no_tire_is_given_up(module, stiffness):
+    """It would take more pieces than there is time for: no hang, no exception."""
+    unit = TABLE_1.replace(radial_nonuniformity=[(2, 0.1, 0.0)], radial_stiffness=stiffness)
+    motion = Motion(unit, "inextensional", 2, 2, module)
+    motion.follow([Plan((100.0, 1000.0, 0.0, 0.0), [(MS, 100.0, 1000.0, 0.0)], [math.nan])] * 2)
+    assert not motion.read([100.0, 100.0])[1].any()
+
+
 # -- the wheel's angle --------------------------------------------------------------------------------------------
 
 
@@ -395,3 +408,28 @@ def test_a_wheel_turned_further_is_a_tire_mounted_further(shift):
         motion.follow([Plan((90.0, 3000.0, 0.0, angle), [(2 * MS, 90.0, 3100.0, 0.0)] * 20, [math.nan] * 20)])
         ends.append(np.concatenate([motion.state[0], motion.read([90.0])[0][0]]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-9, abs=1e-9)
+
+
+# -- any unit at all -------------------------------------------------------------------------------------------------
+
+
+@settings(max_examples=60)
+@given(values=mappings(), speed=st.floats(-1e3, 1e3), model=st.sampled_from(["inextensional", "complete"]))
+def test_any_unit_that_is_accepted_gives_finite_forces_or_none(values, speed, model):
+    """However far from a tire: what cannot be stepped is given up, and stability says why it has no answer."""
+    try:
+        unit = TireWheelUnit(**values)
+    except ValueError:
+        return  # each field in bounds, but not all together
+    try:
+        json.dumps(stability_reply("wheel", unit, speed, model), allow_nan=False)
+    except (ArithmeticError, ValueError) as error:
+        assert str(error)
+    estimator = WheelEstimator(unit, model, n_max=2)
+    estimator.add_speed(0, speed, 1.0)
+    estimator.add_load(0, 1000.0)
+    for tick in range(3):
+        if estimator.advance(tick * 2 * MS):
+            assert all(map(math.isfinite, estimator.axle_force))
+        else:
+            assert estimator.divergences > 0 or tick == 0

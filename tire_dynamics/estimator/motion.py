@@ -89,6 +89,7 @@ class Motion:
         self._turn(index, 0.0)
         self.belt.reset(index)
 
+    @np.errstate(all="ignore")  # a unit that is no tire may have no finite one, and is given up
     def start(self, index: int, speed: float, load: float, traction: float, angle: float = math.nan) -> None:
         """Be in the steady state of a speed [rad/s], a load and a traction [N], at the wheel's angle [rad] or 0."""
         angle = 0.0 if math.isnan(angle) else angle

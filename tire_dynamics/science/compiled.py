@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from .coefficients import formula, twist
 from .elementary import COSINE, DOUBLING, EXPONENTIAL, LARGEST, PER_DOUBLING, PER_QUARTER, QUARTER, ROUND, SINE
-from .kernels import LONGEST, MOST_TOGETHER, NEGLIGIBLE
+from .kernels import LONGEST, MOST_PIECES, MOST_TOGETHER, NEGLIGIBLE
 
 __all__ = [
     "advance_first",
@@ -43,9 +43,9 @@ E13, E12, E11, E10, E9, E8, E7, E6, E5, E4, E3, E2, E1 = EXPONENTIAL
 
 def _compile(function: Callable[..., Any]) -> Any:
     try:
-        return numba.njit(cache=True, nogil=True)(function)
+        return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     except RuntimeError:  # nowhere to keep the machine code: it is made anew in each process
-        return numba.njit(nogil=True)(function)
+        return numba.njit(nogil=True, error_model="numpy")(function)
 
 
 @_compile
@@ -179,7 +179,10 @@ def advance_turning(
                 seconds, speed = steps[i, 0], steps[i, 1]
                 norm = sizes[0] + abs(speed) * (sizes[1] + highest) + sizes[2]
                 pieces = max(np.ceil(norm * seconds / LONGEST), 1.0)
-                reach = norm * seconds / pieces
+                if not pieces <= MOST_PIECES:
+                    state[w] = np.nan
+                    pieces = 0.0
+                reach = norm * seconds / max(pieces, 1.0) if pieces > 0.0 else 0.0
                 order, term = 1, reach
                 while term > NEGLIGIBLE or order < reach:
                     order += 1
@@ -192,7 +195,7 @@ def advance_turning(
                     for a in range(wide):
                         for b in range(wide):
                             A[b, a] = system[a, b] + speed * spin[a, b]
-                length = seconds / pieces
+                length = seconds / max(pieces, 1.0)
                 for piece in range(int(pieces)):
                     start = phase[w] + speed * length * piece
                     for j in range(J):

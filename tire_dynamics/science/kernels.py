@@ -31,6 +31,7 @@ IntArray = NDArray[np.int64]
 
 MOST_TOGETHER = 256  # intervals in one group
 LONGEST, NEGLIGIBLE = 3.0, 2.0**-57  # of a Taylor series: norm times step; what is left out beside 1
+MOST_PIECES = 100_000  # of a step; a unit that needs more has nothing of a tire, and is given up
 _SHOWN, _CHANGED, _CUT = range(3)  # why a group ends
 _FULL_TURN = 2.0 * math.pi
 _TOGETHER, _SPEEDS_TOGETHER = 64, 16  # what is summed at once, so that it stays in the cache
@@ -169,7 +170,8 @@ def advance_turning(
 
     A step of length h is a Taylor series of the state itself, z = sum_k x_k, summed until what is left is below the
     rounding of a double: x_(k+1) = h/(k+1) [A x_k + what turns], where each harmonic exp(i j phi) has the coefficients
-    exp(i j phi_0) (i j Omega h)^k/k!, and the springs' is multiplied with that of conj(R). Long steps are cut.
+    exp(i j phi_0) (i j Omega h)^k/k!, and the springs' is multiplied with that of conj(R). Long steps are cut; a state
+    that would take more than 100 000 pieces is NaN.
 
     Parameters
     ----------
@@ -197,7 +199,9 @@ def advance_turning(
     states, phases = np.empty((T, W, n)), np.empty((T, W))
     norm = sizes[0] + np.abs(steps[:, 1]) * (sizes[1] + highest) + sizes[2]
     pieces = np.maximum(np.ceil(norm * steps[:, 0] / LONGEST), 1.0)
-    reach = norm * steps[:, 0] / pieces
+    lost = ~(pieces <= MOST_PIECES)
+    pieces[lost] = 1.0
+    reach = np.where(lost, 0.0, norm * steps[:, 0] / pieces)
     order = np.array([_order(value) for value in reach.tolist()], dtype=np.int64)
     parts = system, spin, input, seen, spring, imbalance, runout
     at = begin.copy()
@@ -218,6 +222,7 @@ def advance_turning(
                 orders = np.where(busy, order[step], 0)
                 _turn_on(state, start, speed, np.where(busy, length, 0.0), orders, inputs, changes, *parts)
             phase[:] = np.fmod(phase + speed * seconds, _FULL_TURN)
+            state[active & lost[step]] = math.nan
             at = at + active
         states[tick], phases[tick] = state, phase
     return states, phases

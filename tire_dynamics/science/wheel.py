@@ -600,7 +600,10 @@ def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional
 
 @lru_cache(maxsize=1024)
 def _is_unstable(unit: TireWheelUnit, speed: float, model: Model) -> bool:
-    return stability(unit, speed, model).verdict == "unstable"
+    try:
+        return stability(unit, speed, model).verdict == "unstable"
+    except ArithmeticError:  # it grows beyond all numbers in a turn, or a turn is too long
+        return bool(np.linalg.eigvals(fixed_frame_matrix(unit, speed, model)).real.max() > 0.0)
 
 
 @lru_cache(maxsize=256)
