@@ -348,7 +348,7 @@ def test_small_amplitudes_tend_to_the_uniform_tire(model):
 
 
 @pytest.mark.parametrize("module", {kernels, fastest_kernels()}, ids=lambda module: module.__name__.split(".")[-1])
-@pytest.mark.parametrize("stiffness", [1e40, 1e200])
+@pytest.mark.parametrize("stiffness", [1e30, 1e80])
 def test_a_unit_that_is_no_tire_is_given_up(module, stiffness):
     """It would take more pieces than there is time for: no hang, no exception."""
     unit = TABLE_1.replace(radial_nonuniformity=[(2, 0.1, 0.0)], radial_stiffness=stiffness)

@@ -6,10 +6,8 @@ import gc
 import json
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -30,7 +28,7 @@ from . import messages, ros_parameters
 from .bag import load_message_definitions
 from .compilation import compile_kernels
 from .errors import InputError
-from .log import Log
+from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
 from .variations import Variations
@@ -38,13 +36,10 @@ from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
 
 __all__ = ["TireDynamicsNode", "run"]
 
-_LOG_RETRY, _LONGEST_LOG_RETRY = 2.0, 60.0  # [s] between two attempts to go on with a log after an error
 _IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
-_DIAGNOSTICS = "/diagnostics"
-_DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
 
 
 class _Duty:
@@ -85,7 +80,6 @@ class TireDynamicsNode(LifecycleNode):
 
     _wiring: Wiring
     _variations: Variations
-    _log: Log | None
 
     def __init__(
         self,
@@ -113,14 +107,7 @@ class TireDynamicsNode(LifecycleNode):
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
         self._refusal: Exception | None = None  # why the last transition failed
         self._starting = True  # the caller is told what is wrong
-        self._log = None
-        self._finishing: list[Log] = []
-        self._record_due = False
-        self._log_files = 1
-        self._log_trouble = ""  # what ended the last log, until another has reached the disk
-        self._log_retry = 0.0  # when to try again after an error, on the monotonic clock
-        self._log_pause = _LOG_RETRY
-        self._dropped: Counter[str] = Counter()  # by the logs before this one
+        self._journal = Journal(self.get_logger(), self._now)
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
@@ -135,7 +122,7 @@ class TireDynamicsNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         try:
             load_message_definitions()  # now, not when a log is started beside turning wheels
-            self._diagnostics = self.create_publisher(DiagnosticArray, _DIAGNOSTICS, 10)
+            self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_duty(1.0, self._diagnose)
             self._autostart = self._is_to_start()
             if self._autostart:
@@ -145,7 +132,7 @@ class TireDynamicsNode(LifecycleNode):
                 ros_parameters.declare_loosely(self)
             self._starting = False
         except BaseException:
-            self._end_logs()
+            self._journal.end()
             self.destroy_node()
             raise
 
@@ -223,21 +210,21 @@ class TireDynamicsNode(LifecycleNode):
             raise
 
     def _activate(self) -> None:
-        self._wiring = Wiring(self._wiring.values)  # nothing of what was before
+        self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
         self._variations = Variations(len(self._wiring.vehicle.schedules))
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
-                self._start_log().wait_until_open()
+                self._journal.start().wait_until_open()
         except InputError:
-            self._end_logs()
+            self._journal.end()
             raise
         self._deadline = time.monotonic_ns()
         self._active = True
 
     def _deactivate(self) -> None:
         self._active = False
-        self._say_what_was_logged(self._end_logs())
+        self._journal.close()
 
     def _clean_up(self) -> None:
         kept = 1  # the first duty is to say in which state the node is
@@ -248,19 +235,20 @@ class TireDynamicsNode(LifecycleNode):
             ros_parameters.declare_loosely(self)
 
     def _connect(self) -> None:
-        self._full_names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
+        names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._wiring.inputs.items():
             subscription = self.create_subscription(
                 _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
-            self._full_names[topic] = subscription.topic_name
+            names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._wiring.outputs.items():
             self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
-            self._full_names[topic] = self._outputs[topic].topic_name
-        self._full_names[_DIAGNOSTICS] = self._diagnostics.topic_name
-        self._full_names[TF_STATIC] = TF_STATIC
+            names[topic] = self._outputs[topic].topic_name
+        names[DIAGNOSTICS] = self._diagnostics.topic_name
+        names[TF_STATIC] = TF_STATIC
+        self._journal.names = names
         wheels = self._wiring.vehicle.settings.wheels
         self._markers = [self._publisher(f"{wheel}/markers", MarkerArray, 1) for wheel in wheels]
         samples = self._wiring.vehicle.settings.ring_samples
@@ -321,7 +309,7 @@ class TireDynamicsNode(LifecycleNode):
         values = ros_parameters.changed(changes)
         if values:
             self._wiring.set_values(values)
-            self._log_record()
+            self._journal.record()
 
     # -- messages and ticks ---------------------------------------------------------------------------------
 
@@ -342,7 +330,7 @@ class TireDynamicsNode(LifecycleNode):
             if now == 0:  # simulated time before the first /clock
                 self._before_clock += 1
                 return
-            self._put(topic, now, now, data)
+            self._journal.put(topic, now, now, data)
             self._wiring.receive(topic, now, data)
 
         return callback
@@ -390,7 +378,7 @@ class TireDynamicsNode(LifecycleNode):
         if stamp is None:
             return
         started = time.perf_counter()
-        logged = self._put(TICK, now, stamp, messages.encode_clock(stamp))
+        logged = self._journal.put(TICK, now, stamp, messages.encode_clock(stamp))
         produced = self._wiring.tick(stamp)
         self._variations.note(self._wiring.vehicle.angles, self._wiring.forces)
         for topic, data in produced:
@@ -403,13 +391,13 @@ class TireDynamicsNode(LifecycleNode):
         produced += belts
         self._ticks += 1
         self._step_times.append(time.perf_counter() - started)
-        if self._log is not None and produced:
+        if self._journal.log is not None and produced:
             published = self._now()
             for topic, data in produced:
                 if logged:
-                    self._put(topic, published, stamp, data)
+                    self._journal.put(topic, published, stamp, data)
                 else:  # a replay has no outputs for a tick that is not in the log
-                    self._log.drop(self._full_names[topic])
+                    self._journal.drop(topic)
 
     def _show(self, stamp: int) -> None:
         """The markers of the wheels whose belts have come, where somebody looks at them."""
@@ -448,93 +436,11 @@ class TireDynamicsNode(LifecycleNode):
             return None
         return self._time
 
-    # -- the log --------------------------------------------------------------------------------------------
-
-    def _start_log(self) -> Log:
-        types = {
-            **{topic: (msgtype, "sensor_data") for topic, msgtype in self._wiring.inputs.items()},
-            **{topic: (msgtype, "default") for topic, msgtype in self._wiring.outputs.items()},
-            TICK: (messages.CLOCK, "default"),
-            LOG_RECORD: (messages.STRING, "default"),
-            _DIAGNOSTICS: (_DIAGNOSTICS_TYPE, "default"),
-        }
-        if self._wiring.values["tf.parent_frame"]:
-            types[TF_STATIC] = (messages.TF, "latched")
-        self._log = Log(
-            Path(self._wiring.values["log.directory"]),
-            {self._full_names[topic]: kind for topic, kind in types.items()},
-            self._wiring.values["log.queue_size"],
-            self._wiring.values["log.compression"],
-            1e6 * self._wiring.values["log.max_size_mb"],
-            self._wiring.values["log.max_duration_s"],
-        )
-        self._log_files = 1
-        self._log_record()
-        return self._log
-
-    def _log_record(self) -> None:
-        """Log what a replay needs to go on from here; later, if the clock has not begun or there is no room."""
-        now = self._now()
-        self._record_due = True
-        if self._log is not None and self._log.has_room and now:
-            record = self._wiring.record(self._full_names, self._dropped + self._log.dropped)
-            self._record_due = not self._log.put(self._full_names[LOG_RECORD], now, now, record)
-            if (transforms := self._wiring.transforms(now)) is not None:
-                self._log.put(TF_STATIC, now, now, transforms)
-
-    def _tend_log(self) -> None:
-        """Begin another log when the disk has refused one."""
-        self._finishing = [log for log in self._finishing if log.alive]
-        if self._log is None or self._log.error is None:
-            if self._log is None or self._log.kept:
-                self._log_pause, self._log_trouble = _LOG_RETRY, ""
-            self._log_retry = time.monotonic() + self._log_pause
-        elif time.monotonic() >= self._log_retry:
-            self.get_logger().error(self._log.error)
-            self._log_trouble = self._log.error
-            self._finish_log()
-            self.get_logger().info(f"trying {self._start_log().folder}")
-            self._log_pause = min(2.0 * self._log_pause, _LONGEST_LOG_RETRY)
-            self._log_retry = time.monotonic() + self._log_pause
-
-    def _finish_log(self) -> None:
-        if self._log is not None:
-            self._dropped += self._log.dropped
-            self._log.finish()
-            self._finishing.append(self._log)
-            self._log = None
-
-    def _put(self, topic: str, log_time: int, publish_time: int, data: bytes) -> bool:
-        """Log a message, whether it was taken; behind a gap, what a replay needs to go on first."""
-        if self._log is None:
-            return False
-        name = self._full_names[topic]
-        if self._log.files != self._log_files:  # each file can be replayed for itself
-            self._log_files = self._log.files
-            self._record_due = True
-        if self._record_due:
-            self._log_record()
-        if self._record_due:
-            self._log.drop(name)
-        elif not self._log.put(name, log_time, publish_time, data):
-            self._record_due = True  # a replay has to take up the thread behind the gap
-        return not self._record_due
-
     def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.success = True
-        if not self._active:
-            response.success, response.message = False, _NOT_ACTIVE
-        elif not request.data:
-            response.message = f"closing {self._log.folder}" if self._log is not None else "there was no log"
-            self._finish_log()
-        elif self._log is not None and self._log.error is None:
-            response.message = f"logging to {self._log.folder} already"
-        elif not self._wiring.values["log.directory"]:
-            response.success = False
-            response.message = "log.directory is empty; set it to say where logs are to be written"
+        if self._active:
+            response.success, response.message = self._journal.switch(request.data)
         else:
-            self._finish_log()
-            response.message = f"logging to {self._start_log().folder}"
+            response.success, response.message = False, _NOT_ACTIVE
         return response
 
     # -- stability and diagnostics --------------------------------------------------------------------------
@@ -566,7 +472,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _diagnose(self) -> None:
         if self._active:
-            self._tend_log()
+            self._journal.tend()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -580,7 +486,7 @@ class TireDynamicsNode(LifecycleNode):
         self._diagnostics.publish(array)
         now = self._now()
         if now and self._active:
-            self._put(_DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+            self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
     def _idle_status(self) -> DiagnosticStatus:
         """Of a node that waits for its manager."""
@@ -592,7 +498,7 @@ class TireDynamicsNode(LifecycleNode):
     def _node_status(self) -> DiagnosticStatus:
         times = sorted(self._step_times) or [0.0]
         self._step_times = []
-        log, malformed = self._log, self._wiring.malformed
+        logged, trouble, missing = self._journal.account()
         values = {
             "ticks": self._ticks,
             "ticks missed": self._missed,
@@ -600,22 +506,15 @@ class TireDynamicsNode(LifecycleNode):
             "messages before the clock": self._before_clock,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
-            **{f"{topic}: malformed": count for topic, count in malformed.items()},
+            **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._wiring.vehicle.message_counts.items()},
-            "log": "off" if log is None else str(log.folder),
+            **logged,
         }
         level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.schedules)} wheels"
-        if log is not None:
-            values["log: written"] = log.written
-            values["log: waiting"] = log.waiting
-            dropped = self._dropped + log.dropped
-            values["log: files"] = log.files
-            values["log: dropped"] = sum(dropped.values())
-            values.update({f"log: dropped {topic}": count for topic, count in dropped.items()})
-            if trouble := log.error or self._log_trouble:
-                level, summary = DiagnosticStatus.ERROR, f"the log stopped: {trouble}"
-            elif dropped:
-                level, summary = DiagnosticStatus.WARN, f"{sum(dropped.values())} messages not logged"
+        if trouble:
+            level, summary = DiagnosticStatus.ERROR, trouble
+        elif missing:
+            level, summary = DiagnosticStatus.WARN, missing
         if self._namesakes > 0:
             level = max(level, DiagnosticStatus.WARN)
             summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
@@ -671,20 +570,6 @@ class TireDynamicsNode(LifecycleNode):
         """Finish the log and leave the graph."""
         self._deactivate()
         self.destroy_node()
-
-    def _say_what_was_logged(self, logs: Sequence[Log]) -> None:
-        for log in logs:
-            if log.error:
-                self.get_logger().error(log.error)
-            else:
-                self.get_logger().info(f"log closed: {log.folder}, {log.written} messages")
-
-    def _end_logs(self) -> list[Log]:
-        self._finish_log()
-        ended, self._finishing = self._finishing, []
-        for log in ended:
-            log.join()
-        return ended
 
 
 def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
