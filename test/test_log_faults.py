@@ -43,7 +43,7 @@ from test_live_log import (
 )
 from test_node import MODAL, near, stamp_of, wrench
 
-KILLS = int(os.environ.get("TIRE_DYNAMICS_KILLS", "6"))
+KILLS = int(os.environ.get("TIRE_DYNAMICS_KILLS", "4"))
 SIGNALS = 8
 
 
