@@ -265,15 +265,19 @@ from tire_dynamics.estimator.wheel_estimator import WheelEstimator
 
 forces, states, belts = hashlib.sha256(), hashlib.sha256(), hashlib.sha256()
 stretching = []
-for damping in ("modal", "reaction"):
-    unit = TireWheelUnit.table_1(sidewall_damping=damping, contact_half_angle=0.1)
+modal = TireWheelUnit.table_1(contact_half_angle=0.1)
+varying = modal.replace(
+    radial_nonuniformity=[(2, 0.1, 0.4)], tangential_nonuniformity=[(2, 0.05, 1.0)], imbalance_mass=0.03,
+    imbalance_angle=0.7, radial_runout=[(1, 3e-4, 0.3), (7, 1e-4, 1.0)],
+)
+for unit in (modal, modal.replace(sidewall_damping="reaction"), varying, varying.replace(longitudinal_stiffness=2e5)):
     for model in ("inextensional", "complete"):
         estimator = WheelEstimator(unit, model=model, n_max=30)
         shape = BeltShape(ring_angles(72), belt_numbers(30, model))
         for tick in range(300):
             stamp = 1_800_000_000_000_000_000 + 2_000_000 * tick
             if tick % 5 == 0:
-                estimator.add_speed(stamp - 300_000, 0.37 * tick - 40.0)
+                estimator.add_speed(stamp - 300_000, 0.37 * tick - 40.0, 0.1 * tick)
             estimator.add_load(stamp - 700_000, 4000.0 + 17.0 * (tick % 29) ** 2, 31.0 * (tick % 7))
             if estimator.advance(stamp):
                 forces.update(np.array(estimator.axle_force).tobytes())

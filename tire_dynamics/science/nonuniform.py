@@ -26,6 +26,7 @@ from scipy.optimize import brentq
 
 from . import floquet, ring, wheel
 from .coefficients import coefficients
+from .elementary import cos_sin
 from .floquet import FloquetResult
 from .harmonics import Harmonic, check_factor, harmonics
 from .periodic import Transition, Trigonometric, transition
@@ -91,7 +92,9 @@ class Nonuniformity:
     def second_harmonic(self, unit: TireWheelUnit) -> complex:
         """eps exp(2 i chi): k_1 (1 + eps) along the angle chi of the ring and k_1 (1 - eps) across it."""
         k_z, k_t = unit.radial_stiffness, unit.tangential_stiffness
-        return (k_z * _second(self.radial) - k_t * _second(self.tangential)) / (2.0 * (k_z + k_t))
+        z, t = _second(self.radial), _second(self.tangential)
+        both = 2.0 * (k_z + k_t)
+        return complex((k_z * z.real - k_t * t.real) / both, (k_z * z.imag - k_t * t.imag) / both)
 
     def epsilon(self, unit: TireWheelUnit) -> float:
         """The eps of :meth:`second_harmonic`, what n = 1 of the inextensional model feels."""
@@ -99,7 +102,12 @@ class Nonuniformity:
 
 
 def _second(some: tuple[Harmonic, ...]) -> complex:
-    return sum((e * cmath.exp(2j * chi) for j, e, chi in some if j == 2), 0j)
+    """e exp(2 i chi) of the second harmonic, with the same bits on every machine, as the steps have them."""
+    for j, e, chi in some:
+        if j == 2:
+            cosine, sine = cos_sin(2.0 * chi)
+            return complex(e * float(cosine), e * float(sine))
+    return 0j
 
 
 # -- n = 1 and the wheel, fixed frame -----------------------------------------------------------------------------
@@ -204,7 +212,8 @@ def sidewall(
         mass = area * unit.surface_density
     masses = np.array([mass] * len(net) + [unit.wheel_mass, unit.fore_aft_mass])
     half = len(masses) - unit.is_held
-    strengths = [k * e for k, e in zip(springs, _anisotropy(unit, nonuniformity, model), strict=True)]
+    parts = zip(springs, _anisotropy(unit, nonuniformity, model), strict=True)
+    strengths = [complex(k * e.real, k * e.imag) for k, e in parts]
     return net[:, :half], masses[:half], -net[:, -1], strengths
 
 
@@ -212,7 +221,8 @@ def _anisotropy(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model)
     """e exp(2 i chi) of each of those springs."""
     if model == "inextensional":
         return [nonuniformity.second_harmonic(unit)]
-    return [0.5 * _second(nonuniformity.radial), 0.5 * _second(nonuniformity.tangential)]
+    both = _second(nonuniformity.radial), _second(nonuniformity.tangential)
+    return [complex(0.5 * e.real, 0.5 * e.imag) for e in both]
 
 
 def fixed_frame_matrix(

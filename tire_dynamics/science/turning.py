@@ -113,15 +113,27 @@ def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turnin
     balance = scale[:, None] / scale
     pull = np.abs(system[:half, n:]) @ np.repeat(np.abs(spring).sum(axis=1), 2)
     sizes = [
-        float((np.abs(mean.constant) * balance).sum(axis=1).max()),
-        float((np.abs(mean.spin) * balance).sum(axis=1).max()),
-        float(pull.max() * np.abs(net).sum(axis=1).max() / scale[-1]),
+        _rounded_up(float((np.abs(mean.constant) * balance).sum(axis=1).max())),
+        _rounded_up(float((np.abs(mean.spin) * balance).sum(axis=1).max())),
+        _rounded_up(float(pull.max() * np.abs(net).sum(axis=1).max() / scale[-1])),
     ]
     highest = max(_FOURTH * bool(spring.any()), len(runout), int(imbalance.any()))
     arrays = [system, spin, forces, seen, spring, rotating, runout, norms := np.array(sizes), along_x]
     for array in arrays:
         array.setflags(write=False)
     return Turning(system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x)
+
+
+def _rounded_up(size: float) -> float:
+    """To ten bits: in which order sums are taken, which is not the same on every machine, then does not matter."""
+    mantissa, exponent = math.frexp(size)
+    return math.ldexp(math.ceil(1024.0 * mantissa), exponent - 10) if math.isfinite(size) else size
+
+
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Their product with its sums in order."""
+    total: FloatArray = np.add.reduce(np.ascontiguousarray(matrix.T) * vector[:, None], axis=0)
+    return total
 
 
 def _runout(unit: TireWheelUnit) -> FloatArray:
@@ -199,13 +211,13 @@ def steady_state(
     forcing[0] = speed * speed * parts.imbalance[:n].T
     if load > 0.0:
         forcing[: len(parts.runout)] += parts.runout[:, :, None] * parts.input[:n, 0]
-    R = np.add.reduce(parts.seen * mean, axis=1).reshape(-1, 2)
+    R = _times(parts.seen, mean).reshape(-1, 2)
     a, b = parts.spring[:, 0], parts.spring[:, 1]
     g = np.stack([a * R[:, 0] + b * R[:, 1], b * R[:, 0] - a * R[:, 1]], axis=1)  # kappa conj(R)
     pull = parts.system[:n, n:]
     # g exp(2 i phi) is g_re cos - g_im sin, g_im cos + g_re sin
-    forcing[1, 0] += np.add.reduce(pull * g.reshape(-1), axis=1)
-    forcing[1, 1] += np.add.reduce(pull * np.stack([-g[:, 1], g[:, 0]], axis=1).reshape(-1), axis=1)
+    forcing[1, 0] += _times(pull, g.reshape(-1))
+    forcing[1, 1] += _times(pull, np.stack([-g[:, 1], g[:, 0]], axis=1).reshape(-1))
     F = parts.system[:n, :n] + speed * parts.spin[:n, :n]
     total = mean.copy()
     for j in np.flatnonzero(forcing.any(axis=(1, 2))).tolist():
