@@ -243,7 +243,7 @@ def _tongues(
     The boundary is that of the grid, the growth being joined by lines between its points.
     """
     import numpy as np
-    from contourpy import contour_generator
+    from matplotlib.figure import Figure
 
     from ..science.floquet import VERDICTS
     from ..science.nonuniform import Nonuniformity, is_genuine
@@ -261,7 +261,9 @@ def _tongues(
     height = np.where(unstable, growth, -np.maximum(np.abs(growth), 1e-9 * np.abs(growth).max()))
     boundary: list[Any] = [np.empty((0, 2))]
     segments, count = [np.empty((0, 2), np.int64)], 0
-    for line in contour_generator(request.x[1], request.y[1], height).lines(0.0):
+    both = unstable.any() and not unstable.all()
+    lines = Figure().subplots().contour(request.x[1], request.y[1], height, [0.0]).allsegs[0] if both else []
+    for line in lines:
         boundary.append(np.asarray(line))
         place = count + np.arange(len(line))
         segments.append(np.stack([place[:-1], place[1:]], axis=1))

@@ -214,7 +214,9 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
         )
     if whole["ring_rate_hz"] > whole["rate_hz"]:
         raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
-    unit_of(whole)
+    unit = unit_of(whole)
+    for name in HARMONICS:  # without those of no amplitude
+        whole[f"tire.{name}"] = tuple(float(number) for each in getattr(unit, name) for number in each)
     return whole
 
 
