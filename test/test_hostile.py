@@ -293,12 +293,12 @@ def damaged(content: bytes, some) -> bytes:
 tried = Counter()
 
 
-@settings(max_examples=2000, derandomize=True)
+@settings(max_examples=1200, derandomize=True)
 @given(st.sampled_from(["zstd", ""]), damages(len(BAG["zstd"])))
 def test_random_damage(tmp_path_factory, compression, some):
     """Whatever is read or recovered was in the file before: each chunk has a checksum.
 
-    Two thousand files, the same every time, go through the reader and through recover; every tenth through a replay,
+    Twelve hundred files, the same every time, go through the reader and through recover; every tenth through a replay,
     which takes four times as long.
     """
     folder = tmp_path_factory.getbasetemp() / "random_damage"
@@ -312,7 +312,7 @@ def test_random_damage_was_of_every_kind():
     """Of the files above some are refused by the reader, most are read, nearly all give something to recover."""
     if not tried:
         pytest.skip("comes after test_random_damage")
-    assert tried["files"] >= 2000 and 0.2 < tried["read"] / tried["files"] < 1.0
+    assert tried["files"] >= 1200 and 0.2 < tried["read"] / tried["files"] < 1.0
     assert tried["recovered"] / tried["files"] > 0.9 and tried["replayed"] > 20
 
 
