@@ -15,7 +15,8 @@ from ..science.uniformity import OrderSums, Variation
 __all__ = ["Variations"]
 
 _TURNS: Final = 10  # that are taken together, or all since the last look
-_MOST: Final = 50_000  # samples: a wheel that crawls has none
+_FULL_TURN: Final = 2.0 * math.pi
+_APART: Final = _FULL_TURN / 200.0  # [rad] at least from one sample to the next: a wheel that crawls has no more
 
 
 class Variations:
@@ -28,12 +29,17 @@ class Variations:
 
     def __init__(self, wheels: int) -> None:
         self._samples: list[list[tuple[float, float]]] = [[] for _ in range(wheels)]
+        self._last = [math.inf] * wheels  # angle that was kept
         self._found: list[Variation | None] = [None] * wheels
 
     def note(self, angles: NDArray[np.float64], forces: Sequence[Output]) -> None:
-        """Keep the angles [rad] of all wheels and the axle forces [N] of those in motion."""
+        """Keep the angles [rad] of all wheels and the axle forces [N] of those in motion, each so often in a turn."""
+        turned = angles.tolist()
         for index, _, force_z in forces:
-            self._samples[index].append((angles[index], force_z))
+            way = abs(turned[index] - self._last[index])
+            if not min(way, abs(way - _FULL_TURN)) < _APART:
+                self._last[index] = turned[index]
+                self._samples[index].append((turned[index], force_z))
 
     def take_up(self, index: int) -> None:
         """Work on what was noted of a wheel, if it has turned far enough."""
@@ -42,13 +48,11 @@ class Variations:
             return
         step = np.mod(np.diff(angle, prepend=angle[:1]) + math.pi, 2.0 * math.pi) - math.pi
         turns = np.cumsum(np.abs(step)) / (2.0 * math.pi)
-        if turns[-1] >= _TURNS:
+        if turns[-1] >= _TURNS:  # some 2000 samples, or as many as there were ticks
             sums = OrderSums()
             sums.add(angle, force, np.abs(step) * np.sin(math.pi * turns / turns[-1]) ** 2)
             self._found[index] = sums.variation()
             del self._samples[index][:-1]
-        elif angle.size > _MOST:
-            self._samples[index] = []
 
     def values(self, index: int) -> dict[str, str]:
         """What the diagnostics say of a wheel: of harmonics 1 to 10, peak to peak and the wheel's angle at the peak."""
