@@ -380,6 +380,20 @@ def test_the_angle_is_what_was_told_last_and_follows_the_speed():
     assert estimator.phase == pytest.approx(-3.75)
 
 
+def test_a_wheel_that_starts_again_has_the_angle_that_was_told():
+    """Its load was stale, its speed was not: the sample in force says where the wheel is by now."""
+    estimator = WheelEstimator(UNITS["imbalance"], timeout=100 * MS)
+    estimator.add_speed(0, 10.0, 2.0)
+    estimator.add_load(0, 1000.0)
+    estimator.advance(50 * MS)
+    estimator.add_speed(90 * MS, 10.0, 2.9)
+    assert estimator.advance(95 * MS)
+    assert not estimator.advance(150 * MS)
+    estimator.add_load(160 * MS, 1000.0)
+    assert estimator.advance(170 * MS)
+    assert estimator.phase == pytest.approx(2.9 + 10.0 * 0.08)
+
+
 def test_positions_that_stand_still_are_none():
     """A publisher without encoders may fill them with zeros."""
     estimator = WheelEstimator(UNITS["imbalance"])

@@ -172,7 +172,7 @@ class Schedule:
         if stamp < time:
             raise ValueError(f"stamp is {stamp}; the estimator has already reached {time}")
         if self.time is not None and not self.running and self._starts(time):  # with what came late
-            start = (self.speed, *self.load, self._angle(time))
+            start = (self.speed, *self.load, self._angle(time, again=True))
         while True:
             moment = stamp
             if speeds.waiting and speeds.waiting[0].stamp < moment:
@@ -200,12 +200,12 @@ class Schedule:
                 self.time = moment
                 return Plan(start, steps, angles)
             if not self.running and self._starts(moment):
-                start, steps, angles = (self.speed, *self.load, self._angle(moment)), [], []
+                start, steps, angles = (self.speed, *self.load, self._angle(moment, again=True)), [], []
 
-    def _angle(self, moment: int) -> float:
+    def _angle(self, moment: int, *, again: bool = False) -> float:
         """The wheel's angle at a moment [rad] if the speed in force brought one; NaN from the second time on."""
         sample = self._speed.in_force
-        if sample is None or sample is self._turned:
+        if sample is None or sample is self._turned and not again:
             return math.nan
         self._turned = sample
         if len(sample.values) == 1:
