@@ -290,6 +290,39 @@ def test_multipliers_of_a_held_wheel_over_a_million_steps():
     assert np.abs(sizes - first).max() < 1e-9 * first.max()
 
 
+def turned_axes(phi, speed, n):
+    """States in axes that turn with the tire, of states in the fixed frame; the wheel's pair is x, y."""
+    half, c, s = n // 2, math.cos(phi), math.sin(phi)
+    R, J = np.array([[c, s], [-s, c]]), np.array([[0.0, -1.0], [1.0, 0.0]])
+    T = np.zeros((n, n))
+    for pair in [*((k, k + 1) for k in range(0, half - 2, 2)), (half - 1, half - 2)]:
+        behind = [half + k for k in pair]
+        T[np.ix_(pair, pair)] = T[np.ix_(behind, behind)] = R
+        T[np.ix_(pair, behind)] = -speed * R @ J
+    return T
+
+
+@pytest.mark.parametrize("model", ["inextensional", "complete"])
+@pytest.mark.parametrize("damping", ["modal", "reaction"])
+@pytest.mark.parametrize(("change", "genuine"), [({}, False), ({"longitudinal_mass": 9.0}, True), (None, True)])
+def test_reducible_is_what_axes_that_turn_make_constant(model, damping, change, genuine):
+    """On a support without direction; one that differs in mass alone, or holds the wheel, leaves it periodic."""
+    round_support = {"longitudinal_stiffness": TABLE_1.suspension_stiffness, "longitudinal_damping_ratio": 0.05}
+    unit = TABLE_1.replace(**SIDEWALL, sidewall_damping=damping, **({} if change is None else round_support | change))
+    assert nonuniform.is_genuine(unit, model) == genuine
+    assert not nonuniform.is_genuine(unit.mean, model)
+    if change is None:
+        return
+    matrices = []
+    for phi in (0.0, 0.7, 2.0):
+        F = nonuniform.fixed_frame_matrix(unit, Nonuniformity.of(unit), 100.0, phi, model)
+        T = turned_axes(phi, 100.0, len(F))
+        matrices.append(T @ F @ np.linalg.inv(T))
+    largest = np.abs(matrices[0]).max()
+    differs = max(np.abs(each - matrices[0]).max() for each in matrices) / largest
+    assert differs > 1e-3 if genuine else differs < 1e-13  # the rounding of three products
+
+
 def test_growth_in_a_tongue_is_the_multipliers():
     unit = TABLE_1.replace(radial_nonuniformity=[(2, 0.3, 0.0)], zeta_1=0.0, zeta_s=0.0)
     speed = nonuniform.nearest_tongue(unit, Nonuniformity.of(unit), 640.0)

@@ -54,7 +54,7 @@ class Motion:
     turning_at : ndarray, shape (W,)
         The speed [rad/s] that the states' velocities are for.
     phase : ndarray, shape (W,)
-        Angle turned since the start, modulo 2 pi [rad].
+        The wheel's angle, modulo 2 pi [rad]: as it was told last, or turned since the start.
     """
 
     def __init__(
