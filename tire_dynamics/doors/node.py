@@ -26,7 +26,6 @@ from visualization_msgs.msg import MarkerArray
 
 from . import messages, ros_parameters
 from .bag import load_message_definitions
-from .compilation import compile_kernels
 from .errors import InputError
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
@@ -211,7 +210,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _activate(self) -> None:
         self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
-        self._variations = Variations(len(self._wiring.vehicle.schedules))
+        self._variations = Variations(self._wiring.vehicle.wheels)
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
@@ -380,14 +379,13 @@ class TireDynamicsNode(LifecycleNode):
         started = time.perf_counter()
         logged = self._journal.put(TICK, now, stamp, messages.encode_clock(stamp))
         produced = self._wiring.tick(stamp)
-        self._variations.note(self._wiring.vehicle.angles, self._wiring.forces)
         for topic, data in produced:
             self._outputs[topic].publish(data)
         belts = self._wiring.belts()  # they take longer, and nobody waits for them
         for topic, data in belts:
             self._outputs[topic].publish(data)
         if belts:
-            self._show(stamp)
+            self._show(stamp, belts)
         produced += belts
         self._ticks += 1
         self._step_times.append(time.perf_counter() - started)
@@ -399,15 +397,17 @@ class TireDynamicsNode(LifecycleNode):
                 else:  # a replay has no outputs for a tick that is not in the log
                     self._journal.drop(topic)
 
-    def _show(self, stamp: int) -> None:
+    def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
         """The markers of the wheels whose belts have come, where somebody looks at them."""
-        scale = self._wiring.values["marker_force_scale"]
-        shapes, self._wiring.shapes = self._wiring.shapes, {}
-        for index, force_x, force_z in self._wiring.forces:
-            if index in shapes and self._markers[index].get_subscription_count():
-                load, traction = self._wiring.vehicle.schedules[index].load
-                forces = (force_x, force_z), (traction, load)
-                markers = self._marker_builders[index].build(stamp, shapes[index], *forces, scale)
+        scale, vehicle = self._wiring.values["marker_force_scale"], self._wiring.vehicle
+        shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
+        for index, wheel in enumerate(vehicle.settings.wheels):
+            data = shapes.get(f"{wheel}/ring_shape")
+            if data is not None and self._markers[index].get_subscription_count():
+                load, traction = vehicle.inputs[index].load
+                forces = vehicle.wheels.force_of(index), (traction, load)
+                points = messages.ring_points(data, vehicle.settings.ring_samples)
+                markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
 
     def _due(self, now: int) -> int | None:
@@ -479,7 +479,7 @@ class TireDynamicsNode(LifecycleNode):
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
             array.status = [self._node_status()]
-            for index in range(len(self._wiring.vehicle.schedules)):
+            for index in range(len(self._wiring.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
         else:
             array.status = [self._idle_status()]
@@ -507,10 +507,10 @@ class TireDynamicsNode(LifecycleNode):
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
-            **{f"joint_states: {outcome}": n for outcome, n in self._wiring.vehicle.message_counts.items()},
+            **{f"joint_states: {outcome}": n for outcome, n in self._wiring.message_counts.items()},
             **logged,
         }
-        level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.schedules)} wheels"
+        level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.inputs)} wheels"
         if trouble:
             level, summary = DiagnosticStatus.ERROR, trouble
         elif missing:
@@ -522,7 +522,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle = self._wiring.vehicle
-        estimator = vehicle.schedules[index]
+        estimator = vehicle.inputs[index]
         reply = self._stabilities[index]
         verdict = reply.get("verdict", "not yet known")
         level, summary = DiagnosticStatus.OK, verdict
@@ -595,7 +595,6 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
         leftover = rclpy.utilities.remove_ros_args(["tire_dynamics", *arguments])[1:]
         if leftover:
             raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
-        compile_kernels(stopping)
         if stopping():
             return
         try:

@@ -17,6 +17,7 @@ __all__ = [
     "formula",
     "mode_damping",
     "rest_frequency",
+    "speed_polynomials",
     "twist",
 ]
 
@@ -65,16 +66,29 @@ def constants(unit: TireWheelUnit) -> tuple[float, float, float, float, float]:
 
 
 def formula(constants: tuple[float, float, float, float, float], number: Any, speed: Any) -> tuple[Any, Any, Any, Any]:
-    """(3.5) of numbers or arrays; compiled.py compiles it as it is."""
+    """(3.5) of numbers or arrays: A_n, B_n, C_n and B_n C_n - A_n^2."""
+    (A, A_1), (B, B_1), (C, C_1), (D, D_1, D_2) = speed_polynomials(constants, number)
+    square = speed * speed
+    return A + square * A_1, B + square * B_1, C + square * C_1, D + square * (D_1 + square * D_2)
+
+
+def speed_polynomials(constants: tuple[float, float, float, float, float], number: Any) -> tuple[tuple[Any, ...], ...]:
+    """(3.5) by powers of Omega^2: (A, A_1), (B, B_1), (C, C_1) and (D, D_1, D_2) of B_n C_n - A_n^2."""
     bending, membrane, pressure, radial_stiffness, tangential_stiffness = constants
     square = number * number
-    sigma = speed * speed + pressure  # p_0/(rho h a), the static part of the hoop tension, is the same number
-    coupling = number * square * bending + 2.0 * number * sigma
-    radial = square * square * bending + radial_stiffness + pressure + square * sigma
-    tangential = square * bending + tangential_stiffness + pressure + square * sigma
-    determinant = membrane * (tangential + square * radial - 2.0 * number * coupling)
-    determinant = determinant + (radial * tangential - coupling * coupling)
-    return coupling + number * membrane, radial + membrane, tangential + square * membrane, determinant
+    # p_0/(rho h a), the static part of the hoop tension over rho h, is the same number as the pressure's
+    A = number * square * bending + 2.0 * number * pressure
+    B = square * square * bending + radial_stiffness + pressure + square * pressure
+    C = square * bending + tangential_stiffness + pressure + square * pressure
+    D = membrane * (C + square * B - 2.0 * number * A) + (B * C - A * A)
+    D_1 = membrane * square * (square - 3.0) + (square * (B + C) - 4.0 * number * A)
+    D_2 = square * (square - 4.0)
+    return (
+        (A + number * membrane, 2.0 * number),
+        (B + membrane, square),
+        (C + square * membrane, square),
+        (D, D_1, D_2),
+    )
 
 
 def twist(number: Any, coupling: Any, tangential: Any) -> Any:

@@ -25,7 +25,7 @@ from . import floquet
 from .coefficients import coefficients, mode_damping
 from .elementary import cos_sin
 from .floquet import FloquetResult
-from .stepping import ExactStepper, solve_in_order
+from .stepping import solve_in_order
 from .unit import MODAL, TireWheelUnit
 
 if TYPE_CHECKING:
@@ -56,7 +56,6 @@ __all__ = [
     "stacked_frames",
     "state_matrix",
     "states",
-    "stepper",
     "transmissibility",
     "transmissibility_map",
     "wheel_displacement",
@@ -272,15 +271,6 @@ def _spread(unit: TireWheelUnit) -> float:
     """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
     half = unit.contact_half_angle
     return float(cos_sin(half)[1]) / half if half else 1.0
-
-
-@lru_cache(maxsize=256)
-def stepper(unit: TireWheelUnit, model: Model = "inextensional") -> ExactStepper:
-    """The exact stepper of the fixed-frame system, inputs [load, traction]."""
-    system = fixed_frame(unit, model)
-    half = len(system.constant) // 2
-    scale = np.repeat([1.0, 1.0 / _stiffest(system.constant)], half)
-    return ExactStepper([system.constant, system.spin], system.input, scale)
 
 
 def equilibrium(

@@ -163,6 +163,19 @@ class ChunkWriter:
             self._finish_full_chunk()
             first = last
 
+    def add_records(self, records: bytes, starts: NDArray[np.int64]) -> None:
+        """Write message records that lie one behind the other at ``starts``."""
+        ends = np.append(starts[1:], len(records))
+        view = memoryview(records)
+        first = 0
+        while first < len(starts):
+            shift = len(self._records) - int(starts[first])  # from places among these to places in the chunk
+            last = min(int(np.searchsorted(ends, self._chunk_size - shift, "right")) + 1, len(starts))
+            self._records += view[int(starts[first]) : int(ends[last - 1])]
+            self._starts.frombytes((starts[first:last] + shift).tobytes())
+            self._finish_full_chunk()
+            first = last
+
     def flush(self) -> None:
         """Finish the chunk and hand everything to the operating system. A chunk without messages waits."""
         self._finish_chunk()

@@ -17,7 +17,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
 from .chunks import ChunkWriter
@@ -284,6 +284,30 @@ class BagWriter:
         self._mcap.add_block(topics, log_times, publish_times, payloads, np.asarray(sequence))
         self._counts = counts
         self._start, self._end = min(self._start, start), max(self._end, end)
+
+    def write_records(
+        self, records: bytes, starts: NDArray[np.int64], counts: Mapping[int, int], span: tuple[int, int]
+    ) -> None:
+        """Write messages that are records of an MCAP file already.
+
+        Parameters
+        ----------
+        records : bytes
+        starts : (N,) ndarray of int
+            Where they are, one behind the other.
+        counts : mapping
+            How many there are of each topic, by what ``add_topic`` returned.
+        span : tuple of int
+            A log time [ns] that is not after any of theirs, and one that is not before any.
+        """
+        if span[0] < 0:
+            raise ValueError(f"log_time_ns {span[0]}: below 0")
+        if not starts.size:
+            return
+        self._mcap.add_records(records, starts)
+        for topic, count in counts.items():
+            self._counts[topic - 1] += count
+        self._start, self._end = min(self._start, span[0]), max(self._end, span[1])
 
     def flush(self) -> None:
         """Finish the chunk and hand all that was written to the operating system.
