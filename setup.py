@@ -31,9 +31,11 @@ class BuildCore(build_ext):
                     if os.path.exists(file):
                         os.remove(file)
             self.extensions = []
-            print(f"{type(error).__name__}: {error}", BUILD_STATE["how_to_compile"](), sep="\n", file=sys.stderr)
+            print(f"{type(error).__name__}: {error}", BUILD_STATE["how_to_compile"](building=True), sep="\n", file=sys.stderr)
 
     def build_extension(self, extension):
+        if not BUILD_STATE["cython_suits"]():
+            raise ModuleNotFoundError("no Cython, or an old one")
         from Cython.Build import cythonize
 
         extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
@@ -59,7 +61,7 @@ if {"install", "develop"} & set(sys.argv):
 ROS_WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
 DASK = "distributed>=2024.1"
 SHTAB = "shtab>=1.9"  # which knows fish
-CYTHON = "Cython>=3.0.8"  # that of Ubuntu 24.04
+CYTHON = "Cython>=" + ".".join(map(str, BUILD_STATE["CYTHON"]))
 SETUPTOOLS = "setuptools>=70.1,<80"  # makes wheels by itself; takes colcon's `setup.py develop --editable`
 
 config = [(folder, files) for folder, _, files in os.walk("config") if files]  # installed as it stands

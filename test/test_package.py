@@ -16,6 +16,7 @@ import yaml
 
 import tire_dynamics
 from tire_dynamics import TireWheelUnit
+from tire_dynamics.build_state import CYTHON
 from tire_dynamics.doors.parameters import PARAMETERS, complete
 
 ROOT = Path(__file__).parents[1]
@@ -170,6 +171,14 @@ def test_rosdep_installs_what_pip_installs():
     assert declared("build_depend") == {"cython3", "python3-dev"}  # rosdistro's pull requests 27038 and 15328
     assert declared("test_depend") <= rosdep_keys(SETUP["extras_require"]["test"])
     assert "python3-pytest" in declared("test_depend")  # colcon runs pytest where the extra `test` names it
+
+
+def test_what_builds_the_package_is_named_alike():
+    """pip reads pyproject.toml, a build without isolation the extra."""
+    cython = f"Cython>={'.'.join(map(str, CYTHON))}"
+    requires = re.search(r"^requires = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)[1]
+    assert cython in ast.literal_eval(requires)
+    assert cython in SETUP["extras_require"]["test"] and cython in SETUP["extras_require"]["colcon"]
 
 
 def test_every_package_that_the_code_uses_is_declared():

@@ -7,17 +7,21 @@ setup.py runs this file too, before anything is installed: standard library only
 from __future__ import annotations
 
 import os
+import re
 import shlex
 import shutil
 import sys
 import sysconfig
+from importlib import metadata
 from importlib.machinery import EXTENSION_SUFFIXES
 from importlib.util import find_spec
 
-__all__ = ["CORE", "how_to_compile", "is_compiled"]
+__all__ = ["CORE", "cython_suits", "how_to_compile", "is_compiled"]
 
 # The modules that setup.py compiles, all of them or none: compiled modules call one another past Python.
 CORE = ("tire_dynamics.science.elementary_core",)
+
+CYTHON = (3, 0, 8)  # the oldest that will do: that of Ubuntu 24.04
 
 SLOWER = "some 100 times slower"
 
@@ -28,8 +32,22 @@ def is_compiled() -> bool:
     return all(spec is not None and str(spec.origin).endswith(tuple(EXTENSION_SUFFIXES)) for spec in specs)
 
 
-def how_to_compile() -> str:
+def cython_suits() -> bool:
+    """Whether there is a Cython that compiles the core; once that is done nobody needs it."""
+    try:
+        version = metadata.version("Cython")
+    except metadata.PackageNotFoundError:
+        return False
+    return tuple(map(int, re.findall(r"\d+", version)[:3])) >= CYTHON
+
+
+def how_to_compile(building: bool = False) -> str:
     """One line for where the core is not compiled: what it costs, what is missing here, and which package brings it.
+
+    Parameters
+    ----------
+    building : bool
+        Whether this is asked where the core is built, and by the Python that builds it: only there Cython is needed.
 
     Returns
     -------
@@ -44,13 +62,16 @@ def how_to_compile() -> str:
     if not os.path.isfile(os.path.join(sysconfig.get_path("include"), "Python.h")):
         missing.append("Python.h")
         remedies.append("apt install python3-dev")
-    if "setuptools" in sys.modules and find_spec("Cython") is None:  # while it is built; afterwards nobody needs it
-        missing.append("Cython")
-        remedies.append("pip install 'Cython>=3.0.8' (or apt install cython3)")
+    if building and not cython_suits():
+        oldest = ".".join(map(str, CYTHON))
+        missing.append(f"Cython {oldest} or newer")
+        remedies.append(f"pip install 'Cython>={oldest}' (Ubuntu 24.04: apt install cython3)")
     if missing:
         why, remedy = f"No {' and no '.join(missing)}", f"{', '.join(remedies)}, and install again"
     else:
-        why, remedy = "Not compiled when it was installed", "install again, with pip install -v to see why it was not"
+        why, remedy = "Not compiled when it was installed", "install again (pip install -v says why it fails)"
+        if not cython_suits():  # pip brings it, colcon does not
+            remedy += "; for colcon apt install cython3 before"
     return f"{why}: the core of tire_dynamics runs interpreted, {SLOWER}. To compile it: {remedy}."
 
 
