@@ -50,8 +50,9 @@ def refused(*arguments, run=called, **options) -> str:
     done = run(*arguments, **options)
     assert done.returncode == 2, done.stderr
     assert done.stdout == ""
-    # The ROS client library says a line of its own, before ours, of arguments that it cannot parse.
-    lines = [line for line in done.stderr.splitlines() if "[rcl]" not in line]
+    # The ROS client library says a line of its own, before ours, of arguments that it cannot parse, and the node says
+    # that it starts.
+    lines = [line for line in done.stderr.splitlines() if "[rcl]" not in line and not line.startswith("[INFO]")]
     assert len(lines) == 1, done.stderr
     assert lines[0].startswith("tire-dynamics: ")
     return lines[0]

@@ -518,21 +518,6 @@ def test_a_signal_ends_the_node_with_status_0_and_a_whole_log(peer, tmp_path, nu
         assert sum(1 for c, _, _ in reader.messages() if c.topic == "/tire_dynamics/log_record") == 1
 
 
-@pytest.mark.parametrize("mapped", ["_rclpy_pybind11", "librmw_fastrtps"])
-def test_a_signal_while_the_node_starts_ends_it_without_a_traceback(ros_domain, mapped):
-    with live_node() as node:
-        maps = Path(f"/proc/{node.pid}/maps")
-        if not maps.exists():
-            pytest.skip("needs /proc to see how far the start has come")
-        limit = time.monotonic() + PATIENCE
-        while mapped not in maps.read_text():
-            assert node.poll() is None and time.monotonic() < limit
-        node.send_signal(signal.SIGINT)
-        _, said = node.communicate(timeout=PATIENCE)
-        assert node.returncode in (0, 128 + signal.SIGINT), said
-        assert "Traceback" not in said
-
-
 def longest_gap(peer, directory) -> int:
     """Between two outputs of a fresh node whose log is started and stopped, in their stamps [ns]."""
     with live_node("-p", "wheels:=[left, right]") as node:
