@@ -24,10 +24,22 @@ BENCHMARKS := step replay stability start live
 CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
 
 MINUTES := 30
-KILLS := 50
 WORKERS := auto
+# Of the random examples of `make nightly`; `make nightly SEED=...` has those of another night again.
+SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 
-.PHONY: help run test interop colcon docs lint types bench identify-study soak kill clean
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
+SPREAD := -n $(WORKERS) --dist worksteal
+RANDOM := --hypothesis-profile=random --hypothesis-seed=$(SEED)
+
+# Runs targets one after the other, all of them, whatever fails; says what did, and fails if anything did.
+each = @failed=; for part in $(1); do \
+		echo "== $$part"; $(MAKE) --no-print-directory SEED=$(SEED) $$part || failed="$$failed $$part"; done; \
+	if [ -n "$$failed" ]; then echo "make $@: FAILED:$$failed (of: $(strip $(1)))" >&2; exit 1; fi; \
+	echo "make $@: passed: $(strip $(1))"
+
+.PHONY: help run check test nightly interop colcon docs lint types bench identify-study soak kill clean
+.PHONY: tests-quick tests-parallel tests-live tests-random tests-long
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -35,9 +47,30 @@ help:  ## this list
 run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
 	$(PY) -m tire_dynamics.doors.demo
 
-test: lint types  ## lint, types and all tests
-	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n $(WORKERS) --dist worksteal -m 'not live'
-	$(PY) -m pytest -m live
+check: $(READY)  ## while working: lint, types and every test under half a second, in less than 2 minutes
+	$(call each,lint types tests-quick)
+
+test: $(READY)  ## what proves a change: lint, types and all tests but the longest, in less than 10 minutes
+	$(call each,lint types tests-parallel tests-live)
+
+nightly: $(READY)  ## everything: random examples, hostile files, jobs, kills, and MINUTES (30) of soak
+	@echo "SEED=$(SEED)"
+	$(call each,lint types tests-random tests-long soak)
+
+tests-quick: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not slow and not live and not nightly' --hypothesis-profile=few
+
+tests-parallel: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not live and not nightly'
+
+tests-live: $(READY)
+	$(PYTEST) $(SPREAD) -m 'live and not nightly'
+
+tests-random: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not live' $(RANDOM) || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
+
+tests-long: $(READY)
+	$(PYTEST) -m live $(RANDOM) -rP || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
 interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
 	$(PY) -m pytest test/interop
@@ -68,8 +101,8 @@ identify-study: $(READY)  ## 200 synthetic drives identified: are the stated err
 soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
 
-kill: $(READY)  ## SIGKILL at KILLS (50) random moments: what the log loses; `make test` does it a few times
-	TIRE_DYNAMICS_KILLS=$(KILLS) $(PY) -m pytest test/test_log_faults.py -k sigkill -rP
+kill: $(READY)  ## SIGKILL at 50 random moments: what the log loses; `make test` does it a few times
+	$(PYTEST) test/test_log_faults.py -k sigkill -rP
 
 clean:  ## remove .venv and everything that was built
 	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache

@@ -19,12 +19,15 @@ from tire_dynamics.doors.compilation import compile_kernels
 
 REPOSITORY = Path(__file__).parents[1]
 
-# No deadline: how long an example takes says more about the machine than about the code. In CI the examples
-# are the same every time, so that a red run is the change's fault, and half as many; elsewhere each run looks for new
-# ones.
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True, max_examples=50)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+# How properties run. No deadline: how long an example takes says more about the machine than about the code. The
+# examples are the same every time, whatever the environment says, so that a red run is the change's fault; nothing is
+# kept from run to run. `make nightly` looks for new ones: it gives --hypothesis-profile and --hypothesis-seed, and
+# prints the seed.
+_ALWAYS = {"deadline": None, "database": None}
+settings.register_profile("fixed", derandomize=True, max_examples=50, **_ALWAYS)
+settings.register_profile("few", derandomize=True, max_examples=5, **_ALWAYS)
+settings.register_profile("random", max_examples=200, print_blob=True, **_ALWAYS)
+settings.load_profile("fixed")
 
 
 def pytest_collection_modifyitems(items):

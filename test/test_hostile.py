@@ -867,7 +867,7 @@ def test_play(tmp_path, ros_domain, name):
     path.write_bytes(file_of(LIES[name][0]()) if content is None else content)
     environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
     done = subprocess.run(
-        [*COMMAND, "play", str(path), "--rate", "100"], capture_output=True, text=True, timeout=30, env=environment
+        [*COMMAND, "play", str(path), "--rate", "100"], capture_output=True, text=True, timeout=300, env=environment
     )
     assert done.returncode in (0, 2) and "Traceback" not in done.stderr
     assert done.stderr.count("\n") == 1, done.stderr

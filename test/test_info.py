@@ -166,7 +166,7 @@ def test_a_truncated_bag_is_counted_and_what_helps_helps(tmp_path, percent):
     assert counts == {topic: found.count(topic) for topic in counts} and sum(counts.values()) == content["messages"] > 0
     done = subprocess.run(
         [*COMMAND, *shlex.split(content["repair"].replace("OUT", "whole"))[1:]],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(REPOSITORY)}, capture_output=True, timeout=60,
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(REPOSITORY)}, capture_output=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0
     assert info(tmp_path / "whole")["damage"] is None and info(tmp_path / "whole")["messages"] >= content["messages"]
@@ -240,7 +240,7 @@ def terminal(*arguments, **environment) -> str:
         while block := os.read(ours, 4096):
             shown += block
     os.close(ours)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
     return shown.decode().replace("\r\n", "\n")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 REPOSITORY = Path(__file__).parents[1]
-PATIENCE = 60.0  # [s] after which what should have happened has not
+PATIENCE = 180.0  # [s] after which what should have happened has not
 
 
 def blocks(page: str, heading: str) -> list[tuple[str, str]]:

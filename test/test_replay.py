@@ -436,7 +436,7 @@ def test_interrupting_leaves_nothing_behind(tmp_path):
         while len([*tmp_path.iterdir()]) == 1 and process.poll() is None:
             pass
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=30)
+        _, said = process.communicate(timeout=300)
     finally:
         process.kill()
         process.wait()

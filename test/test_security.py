@@ -28,7 +28,7 @@ from tire_dynamics.doors.node import TireDynamicsNode
 REPOSITORY = Path(__file__).parents[1]
 POLICY = REPOSITORY / "config" / "sros2" / "tire_dynamics.policy.xml"
 COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args"]
-PATIENCE = 30.0  # [s] after which what should have happened has not
+PATIENCE = 180.0  # [s] after which what should have happened has not
 CLOCK = {"/clock"}
 TF = {"/tf_static"}
 MANAGING = ("change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph")

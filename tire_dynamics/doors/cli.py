@@ -489,12 +489,9 @@ def _node(arguments: list[str]) -> int:
         print(f"\n{_examples(_NODE_EXAMPLES)}\n\n{EXIT_STATUS}")
         return 0
     _need_ros()
-    stopping: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):  # before the long import, so that both end a start-up as well
-        signal.signal(number, lambda caught, frame: stopping.append(caught))
-    from .node import run
+    from .start import start
 
-    run(arguments, lambda: bool(stopping))
+    start(arguments)
     return 0
 
 

@@ -20,16 +20,16 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from . import messages, ros_parameters
 from .bag import load_message_definitions
-from .errors import InputError
+from .errors import InputError, first_line
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
+from .start import Stop
 from .variations import Variations
 from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
 
@@ -98,9 +98,9 @@ class TireDynamicsNode(LifecycleNode):
             if "PARAMETER_NOT_SET" in str(error):
                 names = "wheels, joint_names, frame_ids or tf.positions"
                 raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
-            raise InputError(_first_line(error)) from None
+            raise InputError(first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
-            raise InputError(_first_line(error)) from None
+            raise InputError(first_line(error)) from None
         self._clock_now = self.get_clock()
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
@@ -119,6 +119,7 @@ class TireDynamicsNode(LifecycleNode):
         self._paced = paced
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
             load_message_definitions()  # now, not when a log is started beside turning wheels
             self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
@@ -129,11 +130,15 @@ class TireDynamicsNode(LifecycleNode):
                 self._change(self.trigger_activate)
             else:
                 ros_parameters.declare_loosely(self)
+                self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
             self._journal.end()
             self.destroy_node()
             raise
+
+    def _say(self, what: str) -> None:
+        self.get_logger().info(what)
 
     def _is_to_start(self) -> bool:
         row = ros_parameters.ROWS["autostart"]
@@ -168,11 +173,11 @@ class TireDynamicsNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop all outputs, and close the log."""
-        return self._try(self._deactivate)
+        return self._try(self._deactivate, lambda: self._say("inactive: no outputs until it is activated"))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take topics and services away; every parameter may change again."""
-        return self._try(self._clean_up)
+        return self._try(self._clean_up, lambda: self._say("unconfigured: every parameter may change"))
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As deactivated and cleaned up, for good."""
@@ -190,7 +195,7 @@ class TireDynamicsNode(LifecycleNode):
         except Exception as error:  # rclpy would not say it
             self._refusal = error
             if not self._starting:
-                self.get_logger().error(_first_line(error))
+                self.get_logger().error(first_line(error))
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -207,6 +212,7 @@ class TireDynamicsNode(LifecycleNode):
         except BaseException:
             self._clean_up()
             raise
+        self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._wiring.inputs)} topics")
 
     def _activate(self) -> None:
         self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
@@ -220,6 +226,10 @@ class TireDynamicsNode(LifecycleNode):
             raise
         self._deadline = time.monotonic_ns()
         self._active = True
+        wheels = len(self._wiring.vehicle.settings.wheels)
+        log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
+        rate = self._wiring.values["rate_hz"]
+        self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
 
     def _deactivate(self) -> None:
         self._active = False
@@ -493,7 +503,7 @@ class TireDynamicsNode(LifecycleNode):
         _, state = self._state_machine.current_state
         if self._refusal is None:
             return self._status("node", DiagnosticStatus.OK, state, {"state": state})
-        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {_first_line(self._refusal)}", {"state": state})
+        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {first_line(self._refusal)}", {"state": state})
 
     def _node_status(self) -> DiagnosticStatus:
         times = sorted(self._step_times) or [0.0]
@@ -572,53 +582,41 @@ class TireDynamicsNode(LifecycleNode):
         self.destroy_node()
 
 
-def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
-    """The node until it is told to stop.
+def run(stop: Stop) -> None:
+    """The node, in the context that is there, until it is told to stop.
 
     Parameters
     ----------
-    arguments : sequence of str
-        ROS arguments, as ``--ros-args -p name:=value``.
-    stopping : callable
-        Whether to stop; asked several times a second. Signals are the caller's.
+    stop : Stop
+        Whether to stop; asked several times a second.
 
     Raises
     ------
     InputError
-        The arguments or the parameters cannot be used.
+        The parameters cannot be used.
     """
+    stop.loaded()
     try:
-        rclpy.init(args=["tire_dynamics", *arguments], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports bad arguments and files as RuntimeErrors of its own kinds
-        raise InputError(_first_line(error)) from None
+        node = TireDynamicsNode(paced=True)
+    except (ParameterException, NameValidationException, ValueError) as error:
+        raise InputError(first_line(error)) from None
     try:
-        leftover = rclpy.utilities.remove_ros_args(["tire_dynamics", *arguments])[1:]
-        if leftover:
-            raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
-        if stopping():
-            return
-        try:
-            node = TireDynamicsNode(paced=True)
-        except (ParameterException, NameValidationException, ValueError) as error:
-            raise InputError(_first_line(error)) from None
-        try:
-            executor = EventsExecutor()
-            executor.add_node(node)
-            gc.collect()
-            gc.freeze()  # what lives until the end need not be looked at again, tick after tick
-            threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
-            while not stopping():  # docs/real_time.md says why so
+        executor = EventsExecutor()
+        executor.add_node(node)
+        gc.collect()
+        gc.freeze()  # what lives until the end need not be looked at again, tick after tick
+        threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
+        stop.runs()
+        while not stop():  # docs/real_time.md says why so
+            left = node.until_tick()
+            if left <= 0.0:
+                executor.spin_once(timeout_sec=_LEAST_SPIN)
+            while left > 0.0:
+                executor.spin_once(timeout_sec=left)
                 left = node.until_tick()
-                if left <= 0.0:
-                    executor.spin_once(timeout_sec=_LEAST_SPIN)
-                while left > 0.0:
-                    executor.spin_once(timeout_sec=left)
-                    left = node.until_tick()
-                node.pace()
-        finally:
-            node.close()
+            node.pace()
     finally:
-        rclpy.try_shutdown()
+        node.close()
 
 
 def _wake(executor: Any) -> None:
@@ -634,10 +632,6 @@ def _wake(executor: Any) -> None:
 
 def _shown(value: float | None, form: str) -> str:
     return "none" if value is None else format(value, form)
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
 def _message_class(msgtype: str) -> Any:
