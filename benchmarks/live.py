@@ -11,6 +11,7 @@ latency   from a load's stamp, which is read right before it is sent, to the rec
           period is in the median of both
 achieved  wrenches received, in percent of the rate
 missed    instants of the rate between the first and the last wrench's stamp that no wrench was for
+memory    resident memory of the node's process at the end
 peer      processor time of this process; others: what else the machine did, in percent of one core. A machine
           that is busy with something else spoils the tails
 
@@ -39,7 +40,7 @@ NODES: dict[str, Callable[[float, Path | None], list[str]]] = {"node": our_node,
 PATIENCE = 30.0  # [s] for a node to start
 WARM_UP = 1.0  # [s] of running that is not measured
 CALLS = {"none": 0.0, "20 per wheel and second": 80.0, "back to back": 1e6}
-TARGETS = {"cpu": 1.3, "p99": 1.5}
+TARGETS = {"cpu": 1.3, "p99": 1.5, "memory": 1.5}
 LEAST_ACHIEVED = 99.5  # [%]
 LONGEST_REPLY = 10.0  # [ms]
 MUCH_ELSE = 30.0  # [%] of one core
@@ -95,7 +96,7 @@ def live(folder: Path, rates: list[float], seconds: float, repeats: int) -> list
             case[name] = {figure: spread(run[figure] for run in runs) for figure in runs[0]}
         case["ratio"] = {
             figure: spread(a[figure] / b[figure] for a, b in zip(ours, null, strict=True))
-            for figure in ("cpu", "p50", "p99", "max")
+            for figure in ("cpu", "p50", "p99", "max", "memory")
         }
         result.append(case)
         rows += live_rows(case)
@@ -118,6 +119,7 @@ def live_rows(case: dict[str, Any]) -> Iterator[tuple[str, ...]]:
         ("max", "ms", ".1f"),
         ("achieved", "%", ".2f"),
         ("missed", "", ".0f"),
+        ("memory", "MB", ".0f"),
         ("peer", "%", ".1f"),
         ("others", "%", ".1f"),
     ):
@@ -157,6 +159,7 @@ def measure(process: subprocess.Popen[bytes], peer: Peer, seconds: float, calls:
     last = time.time_ns()
     length = time.monotonic() - begin
     node, own, free = cpu_of(process.pid) - node, time.process_time() - own, idle() - free
+    memory = memory_of(process.pid)
     peer.settle()
     if process.poll() is not None:
         raise SystemExit(f"ended while it was measured: {' '.join(process.args)}")
@@ -178,6 +181,7 @@ def measure(process: subprocess.Popen[bytes], peer: Peer, seconds: float, calls:
         "missed_by_diagnostics": counted(peer, "ticks missed"),
         "not_logged": counted(peer, "log: dropped"),
         "loads_sent": float(len(peer.sent)),
+        "memory": memory,
         "peer": 100.0 * own / length,
         "others": 100.0 * ((os.cpu_count() or 1) * length - free - node - own) / length,
     }
@@ -193,6 +197,11 @@ def cpu_of(pid: int) -> float:
     """Processor time of a process and all of its threads [s]."""
     after_name = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
     return (int(after_name[11]) + int(after_name[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def memory_of(pid: int) -> float:
+    """Resident memory of a process [MB]."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") * 1e-6
 
 
 def idle() -> float:

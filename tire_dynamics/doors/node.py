@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import json
+import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -24,15 +27,19 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
+from ..estimator.vehicle import stability_reply
+from ..science.unit import TireWheelUnit
+from ..science.wheel import Model
 from . import messages, ros_parameters
-from .bag import load_message_definitions
 from .compilation import compile_kernels
+from .deferred import Deferred, allow_deferred
 from .errors import InputError
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
-from .variations import Variations
+from .variations import Variations, variation_of
 from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
+from .worker import Worker
 
 __all__ = ["TireDynamicsNode", "run"]
 
@@ -40,6 +47,10 @@ _IDLE = 20_000_000  # [ns] between two looks at everything else while the node i
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
+_BUSY = "too many requests are waiting; ask again"
+_AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
+_SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
+_SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
 
 
 class _Duty:
@@ -80,6 +91,7 @@ class TireDynamicsNode(LifecycleNode):
 
     _wiring: Wiring
     _variations: Variations
+    _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
         self,
@@ -108,6 +120,9 @@ class TireDynamicsNode(LifecycleNode):
         self._refusal: Exception | None = None  # why the last transition failed
         self._starting = True  # the caller is told what is wrong
         self._journal = Journal(self.get_logger(), self._now)
+        self._worker = Worker()
+        self._unanswered: set[Deferred] = set()
+        self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
@@ -121,7 +136,6 @@ class TireDynamicsNode(LifecycleNode):
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         try:
-            load_message_definitions()  # now, not when a log is started beside turning wheels
             self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_duty(1.0, self._diagnose)
             self._autostart = self._is_to_start()
@@ -132,6 +146,7 @@ class TireDynamicsNode(LifecycleNode):
                 ros_parameters.declare_loosely(self)
             self._starting = False
         except BaseException:
+            self._worker.close()
             self._journal.end()
             self.destroy_node()
             raise
@@ -201,7 +216,7 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._wiring = Wiring(values)
+            self._wiring, self._wanted = Wiring(values), values
             self._period = self._wiring.vehicle.settings.period
             ros_parameters.declare(self, values, read_only=self._autostart)
             self._connect()
@@ -211,7 +226,9 @@ class TireDynamicsNode(LifecycleNode):
 
     def _activate(self) -> None:
         self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
+        self._wanted = self._wiring.values
         self._variations = Variations(len(self._wiring.vehicle.schedules))
+        self._looking = False
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
@@ -223,7 +240,13 @@ class TireDynamicsNode(LifecycleNode):
         self._active = True
 
     def _deactivate(self) -> None:
-        self._active = False
+        was_active, self._active = self._active, False
+        self._worker.forget()
+        while self._unanswered:
+            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+        self._preparing = False
+        if was_active:
+            self._wiring.set_values(self._wanted)
         self._journal.close()
 
     def _clean_up(self) -> None:
@@ -258,9 +281,8 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._wiring.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
         self._service(SetBool, "~/set_logging", self._set_logging)
-        # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
@@ -277,8 +299,10 @@ class TireDynamicsNode(LifecycleNode):
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
-    def _service(self, kind: Any, name: str, reply: Any) -> None:
-        self._made.append((self.destroy_service, self.create_service(kind, name, reply)))
+    def _service(self, kind: Any, name: str, reply: Any) -> Any:
+        service = self.create_service(kind, name, reply)
+        self._made.append((self.destroy_service, service))
+        return service
 
     def _publish_transforms(self) -> None:
         """Say where the axles' frames are; whoever comes later hears it too."""
@@ -300,16 +324,40 @@ class TireDynamicsNode(LifecycleNode):
             reason = f"{fixed[0]} may change only while the node is unconfigured"
             return SetParametersResult(successful=False, reason=reason)
         try:
-            complete({**self._wiring.values, **values})
+            complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
         values = ros_parameters.changed(changes)
-        if values:
-            self._wiring.set_values(values)
-            self._journal.record()
+        if not values:
+            return
+        self._wanted = complete({**self._wanted, **values})
+        if self._active:
+            self._prepare_change()
+        else:
+            self._wiring.set_values(self._wanted)
+
+    def _prepare_change(self) -> None:
+        """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
+        if not self._preparing:
+            self._preparing = True
+            wanted = self._wanted
+            work = partial(self._wiring.prepare, wanted)
+            self._worker.ask("parameters", work, partial(self._put_in_force, wanted), urgent=True)
+
+    def _put_in_force(self, wanted: dict[str, Any], result: None, error: Exception | None) -> None:
+        """Between two ticks: in the log the record of it stands where the change came."""
+        self._preparing = False
+        if error is not None:
+            self.get_logger().error(f"the parameters stay as they were: {_first_line(error)}")
+            self._wanted = self._wiring.values
+            return
+        self._wiring.set_values(wanted)
+        self._journal.record()
+        if self._wanted != wanted:
+            self._prepare_change()
 
     # -- messages and ticks ---------------------------------------------------------------------------------
 
@@ -357,6 +405,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
+        self._worker.take_up(_AT_ONCE)
         for duty in self._duties:
             if steady >= duty.due:
                 duty.due = max(duty.due + duty.period, steady)
@@ -373,6 +422,8 @@ class TireDynamicsNode(LifecycleNode):
         if self._active:
             now = self._now()
             self._tick_at(now, self._due(now))
+        if not self._paced:
+            self._worker.take_up(_AT_ONCE)
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -446,29 +497,51 @@ class TireDynamicsNode(LifecycleNode):
     # -- stability and diagnostics --------------------------------------------------------------------------
 
     def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
-            try:
-                response.message = json.dumps(self._wiring.vehicle.stability(index))
-                response.success = True
-            except (ArithmeticError, ValueError) as error:
-                response.success, response.message = False, str(error)
-            return response
+            vehicle, deferred = self._wiring.vehicle, Deferred()
+            name = vehicle.settings.wheels[index]
+
+            def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
+                self._unanswered.discard(deferred)
+                response.success = found is not None
+                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                deferred.answer(response)
+
+            if not self._ask_for_stability(vehicle.schedules[index].speed, answer):
+                response.success, response.message = False, _BUSY
+                return response
+            self._unanswered.add(deferred)
+            return deferred
 
         return reply
 
+    def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
+        state = self._wiring.vehicle.unit, speed, self._wiring.vehicle.settings.model
+        return self._worker.ask(state, partial(_stability, *state), then)
+
     def _look_at_a_wheel(self) -> None:
-        if not self._active:
+        if not self._active or self._looking:
             return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
-        try:
-            self._stabilities[index] = self._wiring.vehicle.stability(index, quick=True)
-        except (ArithmeticError, ValueError) as error:
-            self._stabilities[index] = {"verdict": f"unknown: {error}"}
-        self._variations.take_up(index)
+        vehicle, variations = self._wiring.vehicle, self._variations
+        speed = vehicle.schedules[index].speed
+        if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
+            speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
+
+        def keep_stability(found: dict[str, Any] | None, error: Exception | None) -> None:
+            self._stabilities[index] = {"verdict": f"unknown: {error}"} if found is None else found
+
+        def keep_variation(found: Any, error: Exception | None) -> None:
+            self._looking = False
+            variations.keep(index, found)
+
+        self._ask_for_stability(speed, keep_stability)
+        work = partial(variation_of, variations.taken(index))
+        self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
     def _diagnose(self) -> None:
         if self._active:
@@ -504,6 +577,8 @@ class TireDynamicsNode(LifecycleNode):
             "ticks missed": self._missed,
             "clock set back": self._wiring.vehicle.clock_resets,
             "messages before the clock": self._before_clock,
+            "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
+            "analyses waiting": self._worker.waiting,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
@@ -519,6 +594,10 @@ class TireDynamicsNode(LifecycleNode):
             level = max(level, DiagnosticStatus.WARN)
             summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
         return self._status("node", level, summary, values)
+
+    def _not_in_force(self) -> list[str]:
+        values = self._wiring.values
+        return [name for name, value in self._wanted.items() if value != values[name]]
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle = self._wiring.vehicle
@@ -569,7 +648,13 @@ class TireDynamicsNode(LifecycleNode):
     def close(self) -> None:
         """Finish the log and leave the graph."""
         self._deactivate()
+        self._worker.close()
         self.destroy_node()
+
+
+@lru_cache(maxsize=256)
+def _stability(unit: TireWheelUnit, speed: float, model: Model) -> dict[str, Any]:
+    return stability_reply("", unit, speed, model)
 
 
 def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
@@ -602,6 +687,7 @@ def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
             node = TireDynamicsNode(paced=True)
         except (ParameterException, NameValidationException, ValueError) as error:
             raise InputError(_first_line(error)) from None
+        sys.setswitchinterval(_SWITCH)
         try:
             executor = EventsExecutor()
             executor.add_node(node)

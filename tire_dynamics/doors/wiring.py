@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from ..estimator.belt import ring_angles
 from ..estimator.vehicle import Events, Output, Vehicle
 from ..science.elementary import cos_sin
+from ..science.turning import turning
+from ..science.wheel import stepper
 from . import messages
 from .parameters import complete, unit_of, vehicle_settings
 
@@ -260,6 +262,12 @@ class Wiring:
             loads.append((place[order], stretch.received[place[order]], stamp[order], values[order]))
         ticks = of(TICK)
         return Events(ticks, stretch.tick[ticks], joint_states, wheel_speeds, loads)
+
+    def prepare(self, values: Mapping[str, Any]) -> None:
+        """Have what takes long in :meth:`set_values` with the same values done before, on any thread."""
+        unit, model = unit_of(complete({**self.values, **values})), self.vehicle.settings.model
+        stepper(unit, model)  # both are remembered
+        turning(unit, model)
 
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Change parameters that may change while the wheels turn, from now on."""
