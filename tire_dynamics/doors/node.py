@@ -9,7 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -27,10 +27,8 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
-from ..estimator.vehicle import stability_reply
-from ..science.unit import TireWheelUnit
-from ..science.wheel import Model
 from . import messages, ros_parameters
+from .analyst import Analyst
 from .compilation import compile_kernels
 from .deferred import Deferred, allow_deferred
 from .errors import InputError
@@ -120,7 +118,8 @@ class TireDynamicsNode(LifecycleNode):
         self._refusal: Exception | None = None  # why the last transition failed
         self._starting = True  # the caller is told what is wrong
         self._journal = Journal(self.get_logger(), self._now)
-        self._worker = Worker()
+        self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
+        self._analyst = Analyst()
         self._unanswered: set[Deferred] = set()
         self._preparing = False
         self._namesakes = 0
@@ -146,7 +145,7 @@ class TireDynamicsNode(LifecycleNode):
                 ros_parameters.declare_loosely(self)
             self._starting = False
         except BaseException:
-            self._worker.close()
+            self._end_work()
             self._journal.end()
             self.destroy_node()
             raise
@@ -242,6 +241,7 @@ class TireDynamicsNode(LifecycleNode):
     def _deactivate(self) -> None:
         was_active, self._active = self._active, False
         self._worker.forget()
+        self._judge.forget()
         while self._unanswered:
             self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
         self._preparing = False
@@ -405,7 +405,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
-        self._worker.take_up(_AT_ONCE)
+        self._take_up_work()
         for duty in self._duties:
             if steady >= duty.due:
                 duty.due = max(duty.due + duty.period, steady)
@@ -423,7 +423,11 @@ class TireDynamicsNode(LifecycleNode):
             now = self._now()
             self._tick_at(now, self._due(now))
         if not self._paced:
-            self._worker.take_up(_AT_ONCE)
+            self._take_up_work()
+
+    def _take_up_work(self) -> None:
+        self._worker.take_up(_AT_ONCE)
+        self._judge.take_up(_AT_ONCE)
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -520,7 +524,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
         state = self._wiring.vehicle.unit, speed, self._wiring.vehicle.settings.model
-        return self._worker.ask(state, partial(_stability, *state), then)
+        return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _look_at_a_wheel(self) -> None:
         if not self._active or self._looking:
@@ -578,7 +582,7 @@ class TireDynamicsNode(LifecycleNode):
             "clock set back": self._wiring.vehicle.clock_resets,
             "messages before the clock": self._before_clock,
             "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
-            "analyses waiting": self._worker.waiting,
+            "analyses waiting": self._worker.waiting + self._judge.waiting,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
@@ -648,13 +652,13 @@ class TireDynamicsNode(LifecycleNode):
     def close(self) -> None:
         """Finish the log and leave the graph."""
         self._deactivate()
-        self._worker.close()
+        self._end_work()
         self.destroy_node()
 
-
-@lru_cache(maxsize=256)
-def _stability(unit: TireWheelUnit, speed: float, model: Model) -> dict[str, Any]:
-    return stability_reply("", unit, speed, model)
+    def _end_work(self) -> None:
+        self._worker.close()
+        self._judge.close()
+        self._analyst.close()
 
 
 def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
