@@ -27,7 +27,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
+from tire_dynamics.doors.bag import BagReader, BagWriter, definitions
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
 
@@ -58,6 +58,23 @@ def write_floats(folder: Path, log_times, *, topic="/speed", chunk_size=200, **o
 
 def read(path: Path) -> Written:
     return [(log_time, data) for _, _, log_time, _, data in BagReader(path).messages()]
+
+
+@pytest.mark.parametrize("msgtype", definitions.HASHES)
+def test_the_definitions_that_are_written_are_those_of_ros(msgtype):
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    assert definitions.definition(msgtype) == text
+    assert definitions.HASHES[msgtype] == store.hash_rihs01(msgtype)
+
+
+def test_other_types_of_the_common_interfaces_can_be_written_too(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/imu", "sensor_msgs/msg/Imu")
+        with pytest.raises(InputError, match="'some_msgs/msg/Odd' is not known"):
+            writer.add_topic("/odd", "some_msgs/msg/Odd")
+    with Reader(tmp_path / "bag") as reader:
+        [connection] = reader.connections
+    assert connection.msgdef.data == store.generate_msgdef("sensor_msgs/msg/Imu", ros_version=2)[0]
 
 
 def mcap_of(folder: Path) -> Path:

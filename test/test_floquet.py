@@ -285,6 +285,20 @@ def test_multipliers_do_not_depend_on_where_the_period_starts(seed, shift):
     assert difference < 1e-6 * max(1.0, result.spectral_radius)
 
 
+def test_balance_is_lapacks():
+    """To a factor of 2: where two are as good, rounding decides."""
+    random = np.random.default_rng(1992)
+    for _ in range(20):
+        n = int(random.integers(1, 9))
+        units = 10.0 ** random.uniform(-12.0, 12.0, n)
+        matrix = np.abs(random.normal(size=(n, n))) * units[:, None] / units
+        matrix[np.abs(matrix) < floquet.EPSILON * matrix.max()] = 0.0
+        ours = floquet.balance(matrix[None])[0]
+        scale = linalg.lapack.dgebal(matrix, scale=1)[3]
+        assert (np.abs(np.log2(ours) - np.log2(scale / scale[:, None])) <= 2.0).all()
+        assert (np.mod(np.log2(ours), 1.0) == 0.0).all()  # powers of two round nothing
+
+
 @pytest.mark.parametrize("unit_of_time", [1e-6, 1e3])
 def test_unit_of_time(unit_of_time):
     A, _ = smooth_periodic(np.random.default_rng(1), 3)
@@ -469,9 +483,7 @@ def test_array_used_again_by_its_function():
         buffer[:] = A(t)
         return buffer
 
-    np.testing.assert_array_equal(
-        floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers
-    )
+    np.testing.assert_array_equal(floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers)
 
 
 # ---- input that cannot be used

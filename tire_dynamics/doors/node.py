@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import json
+import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -24,14 +27,16 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from . import messages, ros_parameters
-from .bag import load_message_definitions
+from .analyst import Analyst
+from .deferred import Deferred, allow_deferred
 from .errors import InputError, first_line
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
 from .start import Stop
-from .variations import Variations
+from .variations import Variations, variation_of
 from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
+from .worker import Worker
 
 __all__ = ["TireDynamicsNode", "run"]
 
@@ -39,6 +44,10 @@ _IDLE = 20_000_000  # [ns] between two looks at everything else while the node i
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
+_BUSY = "too many requests are waiting; ask again"
+_AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
+_SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
+_SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
 
 
 class _Duty:
@@ -79,6 +88,7 @@ class TireDynamicsNode(LifecycleNode):
 
     _wiring: Wiring
     _variations: Variations
+    _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
         self,
@@ -107,6 +117,10 @@ class TireDynamicsNode(LifecycleNode):
         self._refusal: Exception | None = None  # why the last transition failed
         self._starting = True  # the caller is told what is wrong
         self._journal = Journal(self.get_logger(), self._now)
+        self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
+        self._analyst = Analyst()
+        self._unanswered: set[Deferred] = set()
+        self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
@@ -121,7 +135,6 @@ class TireDynamicsNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
-            load_message_definitions()  # now, not when a log is started beside turning wheels
             self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_duty(1.0, self._diagnose)
             self._autostart = self._is_to_start()
@@ -133,6 +146,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
+            self._end_work()
             self._journal.end()
             self.destroy_node()
             raise
@@ -205,7 +219,7 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._wiring = Wiring(values)
+            self._wiring, self._wanted = Wiring(values), values
             self._period = self._wiring.vehicle.settings.period
             ros_parameters.declare(self, values, read_only=self._autostart)
             self._connect()
@@ -216,7 +230,9 @@ class TireDynamicsNode(LifecycleNode):
 
     def _activate(self) -> None:
         self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
+        self._wanted = self._wiring.values
         self._variations = Variations(self._wiring.vehicle.wheels)
+        self._looking = False
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
@@ -232,7 +248,14 @@ class TireDynamicsNode(LifecycleNode):
         self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
 
     def _deactivate(self) -> None:
-        self._active = False
+        was_active, self._active = self._active, False
+        self._worker.forget()
+        self._judge.forget()
+        while self._unanswered:
+            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+        self._preparing = False
+        if was_active:
+            self._wiring.set_values(self._wanted)
         self._journal.close()
 
     def _clean_up(self) -> None:
@@ -267,9 +290,8 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._wiring.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
         self._service(SetBool, "~/set_logging", self._set_logging)
-        # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
@@ -286,8 +308,10 @@ class TireDynamicsNode(LifecycleNode):
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
-    def _service(self, kind: Any, name: str, reply: Any) -> None:
-        self._made.append((self.destroy_service, self.create_service(kind, name, reply)))
+    def _service(self, kind: Any, name: str, reply: Any) -> Any:
+        service = self.create_service(kind, name, reply)
+        self._made.append((self.destroy_service, service))
+        return service
 
     def _publish_transforms(self) -> None:
         """Say where the axles' frames are; whoever comes later hears it too."""
@@ -309,16 +333,40 @@ class TireDynamicsNode(LifecycleNode):
             reason = f"{fixed[0]} may change only while the node is unconfigured"
             return SetParametersResult(successful=False, reason=reason)
         try:
-            complete({**self._wiring.values, **values})
+            complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
         values = ros_parameters.changed(changes)
-        if values:
-            self._wiring.set_values(values)
-            self._journal.record()
+        if not values:
+            return
+        self._wanted = complete({**self._wanted, **values})
+        if self._active:
+            self._prepare_change()
+        else:
+            self._wiring.set_values(self._wanted)
+
+    def _prepare_change(self) -> None:
+        """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
+        if not self._preparing:
+            self._preparing = True
+            wanted = self._wanted
+            work = partial(self._wiring.prepare, wanted)
+            self._worker.ask("parameters", work, partial(self._put_in_force, wanted), urgent=True)
+
+    def _put_in_force(self, wanted: dict[str, Any], result: None, error: Exception | None) -> None:
+        """Between two ticks: in the log the record of it stands where the change came."""
+        self._preparing = False
+        if error is not None:
+            self.get_logger().error(f"the parameters stay as they were: {first_line(error)}")
+            self._wanted = self._wiring.values
+            return
+        self._wiring.set_values(wanted)
+        self._journal.record()
+        if self._wanted != wanted:
+            self._prepare_change()
 
     # -- messages and ticks ---------------------------------------------------------------------------------
 
@@ -366,6 +414,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
+        self._take_up_work()
         for duty in self._duties:
             if steady >= duty.due:
                 duty.due = max(duty.due + duty.period, steady)
@@ -382,6 +431,12 @@ class TireDynamicsNode(LifecycleNode):
         if self._active:
             now = self._now()
             self._tick_at(now, self._due(now))
+        if not self._paced:
+            self._take_up_work()
+
+    def _take_up_work(self) -> None:
+        self._worker.take_up(_AT_ONCE)
+        self._judge.take_up(_AT_ONCE)
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -456,29 +511,51 @@ class TireDynamicsNode(LifecycleNode):
     # -- stability and diagnostics --------------------------------------------------------------------------
 
     def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
-            try:
-                response.message = json.dumps(self._wiring.vehicle.stability(index))
-                response.success = True
-            except (ArithmeticError, ValueError) as error:
-                response.success, response.message = False, str(error)
-            return response
+            vehicle, deferred = self._wiring.vehicle, Deferred()
+            name = vehicle.settings.wheels[index]
+
+            def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
+                self._unanswered.discard(deferred)
+                response.success = found is not None
+                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                deferred.answer(response)
+
+            if not self._ask_for_stability(vehicle.schedules[index].speed, answer):
+                response.success, response.message = False, _BUSY
+                return response
+            self._unanswered.add(deferred)
+            return deferred
 
         return reply
 
+    def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
+        state = self._wiring.vehicle.unit, speed, self._wiring.vehicle.settings.model
+        return self._judge.ask(state, partial(self._analyst.stability, *state), then)
+
     def _look_at_a_wheel(self) -> None:
-        if not self._active:
+        if not self._active or self._looking:
             return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
-        try:
-            self._stabilities[index] = self._wiring.vehicle.stability(index, quick=True)
-        except (ArithmeticError, ValueError) as error:
-            self._stabilities[index] = {"verdict": f"unknown: {error}"}
-        self._variations.take_up(index)
+        vehicle, variations = self._wiring.vehicle, self._variations
+        speed = vehicle.schedules[index].speed
+        if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
+            speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
+
+        def keep_stability(found: dict[str, Any] | None, error: Exception | None) -> None:
+            self._stabilities[index] = {"verdict": f"unknown: {error}"} if found is None else found
+
+        def keep_variation(found: Any, error: Exception | None) -> None:
+            self._looking = False
+            variations.keep(index, found)
+
+        self._ask_for_stability(speed, keep_stability)
+        work = partial(variation_of, variations.taken(index))
+        self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
     def _diagnose(self) -> None:
         if self._active:
@@ -514,6 +591,8 @@ class TireDynamicsNode(LifecycleNode):
             "ticks missed": self._missed,
             "clock set back": self._wiring.vehicle.clock_resets,
             "messages before the clock": self._before_clock,
+            "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
+            "analyses waiting": self._worker.waiting + self._judge.waiting,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
@@ -529,6 +608,10 @@ class TireDynamicsNode(LifecycleNode):
             level = max(level, DiagnosticStatus.WARN)
             summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
         return self._status("node", level, summary, values)
+
+    def _not_in_force(self) -> list[str]:
+        values = self._wiring.values
+        return [name for name, value in self._wanted.items() if value != values[name]]
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle = self._wiring.vehicle
@@ -579,7 +662,13 @@ class TireDynamicsNode(LifecycleNode):
     def close(self) -> None:
         """Finish the log and leave the graph."""
         self._deactivate()
+        self._end_work()
         self.destroy_node()
+
+    def _end_work(self) -> None:
+        self._worker.close()
+        self._judge.close()
+        self._analyst.close()
 
 
 def run(stop: Stop) -> None:
@@ -600,6 +689,7 @@ def run(stop: Stop) -> None:
         node = TireDynamicsNode(paced=True)
     except (ParameterException, NameValidationException, ValueError) as error:
         raise InputError(first_line(error)) from None
+    sys.setswitchinterval(_SWITCH)
     try:
         executor = EventsExecutor()
         executor.add_node(node)

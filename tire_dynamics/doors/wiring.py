@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..estimator.vehicle import Vehicle
+from ..science.turning import turning
 from . import messages
 from .parameters import complete, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream
@@ -175,6 +176,11 @@ class Wiring:
             Counter({name: count for name, count in zip(events.topics, seen, strict=True) if count}),
             Counter({name: count for name, count in zip(self._names, counts.tolist(), strict=True) if count}),
         )
+
+    def prepare(self, values: Mapping[str, Any]) -> None:
+        """Have what takes long in :meth:`set_values` with the same values done before, on any thread."""
+        unit, model = unit_of(complete({**self.values, **values})), self.vehicle.settings.model
+        turning(unit, model)  # which is remembered
 
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Change parameters that may change while the wheels turn, from now on."""

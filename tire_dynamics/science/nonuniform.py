@@ -22,7 +22,6 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from . import floquet, ring, wheel
 from .coefficients import coefficients
@@ -30,6 +29,7 @@ from .elementary import cos_sin
 from .floquet import FloquetResult
 from .harmonics import Harmonic, check_factor, harmonics
 from .periodic import Transition, Trigonometric, transition
+from .roots import root_between
 from .unit import TireWheelUnit
 
 __all__ = [
@@ -51,6 +51,7 @@ __all__ = [
 Model = Literal["complete", "inextensional"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
 
 @dataclass(frozen=True)
 class Nonuniformity:
@@ -660,25 +661,28 @@ def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model 
     undamped = unit.replace(zeta_1=0.0, zeta_s=0.0, zeta_n=0.0, longitudinal_damping_ratio=0.0)
     half = len(parts.constant) // 2
 
-    def frequencies(speed: float) -> FloatArray:
-        values = np.linalg.eigvals(wheel.fixed_frame_matrix(undamped, speed, model))
-        return np.asarray(np.sort(np.abs(values.imag))[::2])
+    system = wheel.fixed_frame(undamped, model)
+
+    def frequencies(speeds: FloatArray) -> FloatArray:
+        values = np.linalg.eigvals(system.constant + speeds[..., None, None] * system.spin)
+        return np.asarray(np.sort(np.abs(values.imag))[..., ::2])
 
     # Beyond twice the highest, no sum is twice the speed: what still grows does so four times as fast as the speed.
-    speeds = np.linspace(0.0, 2.0 * float(frequencies(0.0)[-1]), 513)
-    each = np.array([frequencies(speed) for speed in speeds.tolist()])
+    speeds = np.linspace(0.0, 2.0 * float(frequencies(np.array(0.0))[-1]), 513)
+    each = frequencies(speeds)
     tips: list[Tip] = []
     for i in range(half):
         for j in range(i, half):
 
             def excess(speed: float, i: int = i, j: int = j) -> float:
-                found = frequencies(speed)
+                found = frequencies(np.array(speed))
                 return float(found[i] + found[j]) - 2.0 * speed
 
-            above = each[:, i] + each[:, j] - 2.0 * speeds > 0.0
-            for k in np.flatnonzero(above[:-1] != above[1:]):
-                speed = float(brentq(excess, speeds[k], speeds[k + 1], xtol=1e-12, rtol=1e-14))
-                pair = frequencies(speed)[[i, j]]
+            beyond = each[:, i] + each[:, j] - 2.0 * speeds
+            for k in np.flatnonzero((beyond[:-1] > 0.0) != (beyond[1:] > 0.0)).tolist():
+                (a, b), (f_a, f_b) = speeds[k : k + 2].tolist(), beyond[k : k + 2].tolist()
+                speed = root_between(excess, a, b, f_a, f_b, 1e-12)
+                pair = frequencies(np.array(speed))[[i, j]]
                 # a frequency that is there twice gives its tip twice
                 if not any(np.allclose([tip.speed, *tip.frequencies], [speed, *pair], rtol=1e-6) for tip in tips):
                     F, damped = (wheel.fixed_frame_matrix(each, speed, model) for each in (undamped, unit))
@@ -715,7 +719,7 @@ def _tongue(
     if rate(0.0) >= 0.0:
         return growth, math.nan
     enough = float(np.abs(held).sum()) / growth
-    return growth, float(brentq(rate, 0.0, enough, xtol=1e-12 * enough, rtol=1e-12))
+    return growth, root_between(rate, 0.0, enough, rate(0.0), rate(enough), 1e-12 * enough)
 
 
 def nearest_tongue(

@@ -19,12 +19,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from . import floquet
 from .coefficients import coefficients, mode_damping
 from .elementary import cos_sin
 from .floquet import FloquetResult
+from .roots import root_between
 from .stepping import solve_in_order
 from .unit import MODAL, TireWheelUnit
 
@@ -64,6 +64,7 @@ __all__ = [
 
 Model = Literal["complete", "inextensional"]
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 class FixedFrame(NamedTuple):
@@ -609,10 +610,11 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
 
     Notes
     -----
-    F(Omega) = F_0 + Omega F_1 can only change its stability where two of its eigenvalues add up to zero, and
-    then the Kronecker sum F (x) I + I (x) F is singular: all such speeds are the real eigenvalues of one
-    matrix pencil, so none is missed. Between two of them the verdict cannot change; it is read in the middle
-    of each interval, and the crossing is then refined on the spectral abscissa.
+    F(Omega) = F_0 + Omega F_1 can only change its stability where one of its eigenvalues is zero, or two add up to
+    zero. Then F is singular, or the matrix whose eigenvalues are all such sums, which acts on antisymmetric matrices X
+    as F X + X F^T. Both are linear in the speed, so all these speeds are the real eigenvalues of two matrix pencils,
+    and none is missed. Between two of them the verdict cannot change; it is read in the middle of each interval, and
+    the crossing is then refined on the spectral abscissa.
     """
     return next((speed for speed, lost in crossings(unit, model) if lost), None)
 
@@ -628,10 +630,9 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
         return
     scale = _balance(F_0)
     F_0, F_1 = F_0 * scale, F_1 * scale
-    with np.errstate(divide="ignore", invalid="ignore"):
-        roots = np.asarray(linalg.eigvals(_kronecker_sum(F_0), -_kronecker_sum(F_1)), dtype=np.complex128)
+    roots = np.concatenate([_singular_at(F_0, F_1), _singular_at(_sums_of_two(F_0), _sums_of_two(F_1))])
     size = float(np.abs(F_0).max())
-    roots = roots[np.abs(roots) < 1e8 * size]  # the pencil's infinite eigenvalues, which rounding makes finite
+    roots = roots[np.abs(roots) < 1e8 * size]  # the pencils' infinite eigenvalues, which rounding makes finite
     nearly_real = np.abs(roots.imag) <= 1e-6 * np.abs(roots)  # rounding may split a double root
     candidates = np.unique(roots[nearly_real & (roots.real > 0.0)].real)
 
@@ -646,35 +647,41 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
         (before, after), (low, high) = middles[k : k + 2], heights[k : k + 2]
         if (low > noise) != (high > noise):
             opposite = low < 0.0 < high or high < 0.0 < low
-            speed = _root(abscissa, before, after, low, high) if opposite else candidate
+            speed = root_between(abscissa, before, after, low, high, 1e-6) if opposite else candidate
             yield float(speed), high > noise
 
 
-def _root(f: Callable[[float], float], a: float, b: float, f_a: float, f_b: float) -> float:
-    """Where f changes its sign between a and b, to 1e-6; by the Illinois method, which keeps the root enclosed."""
-    while abs(b - a) > 1e-6:
-        c = b - f_b * (b - a) / (f_b - f_a)
-        if not min(a, b) < c < max(a, b):
-            c = 0.5 * (a + b)
-        f_c = f(c)
-        if f_c == 0.0:
-            return c
-        if (f_c < 0.0) != (f_b < 0.0):
-            a, f_a = b, f_b
-        else:
-            f_a *= 0.5
-        if abs(c - b) < 1e-7:  # the root is this close, on one side or the other
-            return c
-        b, f_b = c, f_c
-    return b
+def _sums_of_two(F: FloatArray) -> FloatArray:
+    """X -> F X + X F^T for X = -X^T, a matrix (n (n - 1)/2) whose eigenvalues are the sums of two different ones of F.
 
-
-def _kronecker_sum(F: FloatArray) -> FloatArray:
-    """F (x) I + I (x) F, whose eigenvalues are the sums of any two of F."""
+    Twice the bialternate product with I (Fuller, *J. Math. Anal. Appl.* 23, 1968): a quarter of F (x) I + I (x) F.
+    """
     n = len(F)
     one = np.eye(n)
-    both = F[:, None, :, None] * one[:, None] + one[:, None, :, None] * F[:, None]
-    return np.asarray(both.reshape(n * n, n * n))
+    p, q = np.tril_indices(n, -1)
+    both = F[:, None, :, None] * one[:, None] + one[:, None, :, None] * F[:, None]  # of X[i, k] from X[j, l]
+    rows = both[p, q]
+    return np.asarray(rows[:, p, q] - rows[:, q, p])
+
+
+def _singular_at(constant: FloatArray, slope: FloatArray) -> ComplexArray:
+    """The s at which constant + s slope has a lower rank than at others; and others, where it has a low one at all.
+
+    With s = s_0 + 1/mu, mu are the eigenvalues of -(constant + s_0 slope)^-1 slope. Of a unit without damping the sum
+    of an eigenvalue and its conjugate is zero at every speed; what is left of full rank is then seen through two
+    arbitrary matrices, which adds speeds of no meaning and loses none (Hochstenbach, Mehl & Plestenjak, *SIAM J. Matrix
+    Anal. Appl.* 40, 2019).
+    """
+    shift = -0.37 * float(np.abs(constant).max())
+    at_shift = constant + shift * slope
+    sizes = np.linalg.svd(at_shift, compute_uv=False)
+    rank = int(np.count_nonzero(sizes > 1e-11 * sizes[0]))
+    if rank < len(constant):
+        left, right = np.random.default_rng(1992).standard_normal((2, rank, len(constant)))
+        at_shift, slope = left @ at_shift @ right.T, left @ slope @ right.T
+    inverse = np.linalg.eigvals(np.linalg.solve(at_shift, -slope))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(shift + 1.0 / inverse[inverse != 0.0], dtype=np.complex128)
 
 
 def _balance(F: FloatArray) -> FloatArray:

@@ -20,11 +20,12 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from . import definitions
 from .chunks import ChunkWriter
 from .reader import yaml_texts
 from .salvage import Declared
 
-__all__ = ["BagWriter", "check_replaceable", "keep_apart", "load_message_definitions", "remove_bag"]
+__all__ = ["BagWriter", "check_replaceable", "keep_apart", "remove_bag"]
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 _QOS: dict[str, dict[str, Any]] = {
@@ -51,16 +52,17 @@ _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
 
 
 @functools.cache
-def _typestore() -> Any:
-    # Imported where it is needed: it takes longer than the rest of the package, and only writers need it.
-    from rosbags.typesys import Stores, get_typestore
+def _declaration(msgtype: str) -> tuple[bytes, str] | None:
+    """A message type's definition and the hash of its description; None if it is not known."""
+    if msgtype in definitions.HASHES:
+        return definitions.definition(msgtype).encode(), definitions.HASHES[msgtype]
+    from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
 
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-def load_message_definitions() -> None:
-    """Load what writing a bag needs, now rather than when the first one is begun; a quarter of a second."""
-    _typestore()
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if msgtype not in store.types:
+        return None
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    return text.encode(), store.hash_rihs01(msgtype)
 
 
 class BagWriter:
@@ -181,17 +183,18 @@ class BagWriter:
             raise InputError(f"{name!r} is not an absolute ROS topic name")
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
-        if msgtype not in _typestore().types:
+        declaration = _declaration(msgtype)
+        if declaration is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
+        text, type_hash = declaration
         if msgtype not in self._schemas:
-            text, _ = _typestore().generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text.encode())
+            self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
         topic = {
             "name": name,
             "type": msgtype,
             "serialization_format": "cdr",
             "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": _typestore().hash_rihs01(msgtype),
+            "type_description_hash": type_hash,
         }
         channel = {
             "offered_qos_profiles": _qos_text(qos),
