@@ -68,8 +68,9 @@ def main() -> None:
     print_table(("hours", "resident [MiB]", "files", "written [MB]", "processor [s]"), rows)
     memory = [float(each[1]) for each in rows]
     print(
-        f"{len(second)} messages a second, {sum(len(data) for _, _, data in second) / 1e6:.2f} MB of data; from the first "
-        f"minute on resident memory rose by {max(memory) - memory[0]:.1f} MiB at the most, {memory[-1] - memory[0]:.1f} in the end"
+        f"{len(second)} messages a second, {sum(len(data) for _, _, data in second) / 1e6:.2f} MB of data; from the "
+        f"first minute on resident memory rose by {max(memory) - memory[0]:.1f} MiB at the most, "
+        f"{memory[-1] - memory[0]:.1f} in the end"
     )
     write_json(given.json, "log_memory", {"hours": [float(each[0]) for each in rows], "resident_mib": memory})
 

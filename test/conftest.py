@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-
 from tire_dynamics.doors.compilation import compile_kernels
 
 REPOSITORY = Path(__file__).parents[1]

@@ -524,7 +524,7 @@ class TireDynamicsNode(LifecycleNode):
                 response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
                 deferred.answer(response)
 
-            if not self._ask_for_stability(vehicle.schedules[index].speed, answer):
+            if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
                 response.success, response.message = False, _BUSY
                 return response
             self._unanswered.add(deferred)
@@ -542,7 +542,7 @@ class TireDynamicsNode(LifecycleNode):
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
         vehicle, variations = self._wiring.vehicle, self._variations
-        speed = vehicle.schedules[index].speed
+        speed = vehicle.inputs[index].speed
         if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
             speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
 

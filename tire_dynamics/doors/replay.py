@@ -190,7 +190,8 @@ def _run(
             if first == LOG_RECORD:
                 continue
             records = wiring.run(events, channels)
-            counts = {channels[topic]: count for topic, count in (records.received + records.written).items() if topic in channels}
+            every = records.received + records.written
+            counts = {channels[topic]: count for topic, count in every.items() if topic in channels}
             span = int(events.received.min()), int(events.received.max())
             data = bytes(records.data)
             if writing is not None:
@@ -455,8 +456,8 @@ def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> Event
         )
     ]  # fmt: skip
     data = block.data + b"".join(encoded)
-    topic, received, tick, start, size, published = columns
-    return Events((*topics, TICK), topic, received, published, tick, data, start, size)
+    topic, received, tick, starts, sizes, published = columns
+    return Events((*topics, TICK), topic, received, published, tick, data, starts, sizes)
 
 
 def _size(block: Block) -> int:

@@ -1,14 +1,13 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Serialised messages into the wheels, and serialised messages out of them: one call for each, or one for many.
 
-The layouts are those of :mod:`.messages`, whose decoders and encoders this module asks for everything that is rare: what
-is not little-endian, joint names that are new, and each encoder's message, of which only the numbers change.
+The layouts are those of :mod:`.messages`, whose decoders and encoders this module asks for everything that is rare:
+what is not little-endian, joint names that are new, and each encoder's message, of which only the numbers change.
 """
 
 from __future__ import annotations
 
 import struct
-from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -173,9 +172,9 @@ class MessageStream:
         self.outputs = [*("axle_wrench", "ring_deflection", "ring_shape") * wheels.count]
         self.no_velocity = 0
         self._decoder, self._wrench_decoder = messages.JointStateDecoder(), messages.WrenchDecoder()
-        self.malformed_counts = memoryview(np.zeros(len(self.inputs), dtype=np.int64))
+        self.malformed_counts = np.zeros(len(self.inputs), dtype=np.int64).data
         self.names, self.names_end, self.names_count, self.places = _bytes(b"\0"), 0, 0, 0
-        self.place = memoryview(np.zeros(3 * wheels.count, dtype=np.int64))
+        self.place = np.zeros(3 * wheels.count, dtype=np.int64).data
         # each wheel's message, its numbers zero, one behind the other
         wrenches = [messages.WrenchEncoder(frame).encode(0, 0.0, 0.0) for frame in frames]
         shapes = [messages.RingShapeEncoder(frame, samples).encode(0, np.zeros((samples, 5))) for frame in frames]
@@ -183,13 +182,13 @@ class MessageStream:
         self.shape, self.shape_at = _bytes(b"".join(shapes)), _ends(shapes)
         self.deflection = _bytes(messages.DeflectionEncoder(samples).encode(np.zeros((2, samples))))
         cosine, sine = cos_sin(ring_angles(samples))
-        self.outward = memoryview(np.stack([-cosine, sine], axis=1).reshape(-1))  # x_ros = -X
-        self.along = memoryview(np.stack([sine, cosine], axis=1).reshape(-1))
+        self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
+        self.along = np.stack([sine, cosine], axis=1).reshape(-1).data
         self.radius, self.scale = 0.0, 1.0
         self.most = len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 3 * _HEAD)
         self.out = memoryview(bytearray(2 * self.most))
         self.used = self.messages = 0
-        self.begin, self.topic = (memoryview(np.zeros(3 * wheels.count, dtype=np.int64)) for _ in range(2))
+        self.begin, self.topic = (np.zeros(3 * wheels.count, dtype=np.int64).data for _ in range(2))
 
     def set_shape(self, radius: float, scale: float) -> None:
         """The belt's radius [m], and by what the deflection in the points of ring_shape is multiplied."""
@@ -333,7 +332,7 @@ class MessageStream:
     ) -> cython.int:
         """A sensor_msgs/JointState in little-endian; -1 for others.
 
-        A publisher sends the same frame_id and names every time: their bytes are kept, and parsed only when they differ.
+        A publisher sends the same frame_id and names every time: their bytes are kept, and parsed when they differ.
         """
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t
@@ -570,9 +569,9 @@ class MessageStream:
         starts = np.empty(len(number) + ticks * 3 * self.wheels.count, dtype=np.int64)
         counts = np.zeros(3 * self.wheels.count, dtype=np.int64)
         used = self._run(
-            len(number), memoryview(number), memoryview(received), memoryview(tick), memoryview(data),
-            memoryview(start), memoryview(size), memoryview(channel), memoryview(published), memoryview(channels),
-            memoryview(starts), memoryview(counts),
+            len(number), number.data, received.data, tick.data, memoryview(data),
+            start.data, size.data, channel.data, published.data, channels.data,
+            starts.data, counts.data,
         )  # fmt: skip
         return memoryview(self.out)[: self.used], starts[:used], counts
 
@@ -701,4 +700,4 @@ def _bytes(data: bytes) -> memoryview:
 
 def _ends(parts: Sequence[bytes]) -> memoryview:
     """Where each of some parts that lie one behind the other begins, and where the last ends."""
-    return memoryview(np.cumsum([0, *map(len, parts)]).astype(np.int64))
+    return np.cumsum([0, *map(len, parts)]).astype(np.int64).data

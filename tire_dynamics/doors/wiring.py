@@ -59,8 +59,8 @@ class Events(NamedTuple):
 
     def part(self, some: slice) -> Events:
         """Some of the events."""
-        columns = (self.topic, self.received, self.published, self.tick)
-        return Events(self.topics, *(each[some] for each in columns), self.data, self.start[some], self.size[some])
+        topic, received, published, tick = self.topic[some], self.received[some], self.published[some], self.tick[some]
+        return Events(self.topics, topic, received, published, tick, self.data, self.start[some], self.size[some])
 
 
 class Records(NamedTuple):

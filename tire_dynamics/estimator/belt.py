@@ -21,12 +21,10 @@ try:
 except ImportError:
     from ..science import cython_stand_in as cython
 if cython.compiled:
-    from cython.cimports.libc.math import sqrt
     from cython.cimports.tire_dynamics.estimator.motion import Motion
     from cython.cimports.tire_dynamics.science.eigensystem import mode_eigensystem, twist_at
     from cython.cimports.tire_dynamics.science.elementary import grow
 else:
-    from math import sqrt
 
     from ..science.eigensystem import mode_eigensystem, twist_at
     from ..science.elementary import grow
@@ -80,9 +78,9 @@ def shape_basis(psi: ArrayLike, numbers: ArrayLike) -> FloatArray:
 class BeltMotion:
     """The modes beside n = 1 of W belts through time, under forces that are held between changes.
 
-    In its own coordinates each mode goes to its steady state s under the force, w <- s + exp(mu h) (w - s), exactly over
-    any length h. Steps of one speed and force make one interval; intervals wait, a bounded number of them, until the
-    shape is wanted, and the one that is not over yet is never cut: when the shape is wanted changes nothing.
+    In its own coordinates each mode goes to its steady state s under the force, w <- s + exp(mu h) (w - s), exactly
+    over any length h. Steps of one speed and force make one interval; intervals wait, a bounded number of them, until
+    the shape is wanted, and the one that is not over yet is never cut: when the shape is wanted changes nothing.
 
     Parameters
     ----------
@@ -105,8 +103,8 @@ class BeltMotion:
         self.complete = model == "complete"
         self.N, self.K = numbers.size, 4 if self.complete else 2
         self.M = self.N * self.K
-        self.basis = memoryview(np.ascontiguousarray(basis).reshape(-1))
-        self.numbers = memoryview(numbers.astype(np.float64))
+        self.basis = np.ascontiguousarray(basis).reshape(-1).data
+        self.numbers = numbers.astype(np.float64).data
         self.speed = _zeros(wheels)
         self.own = _zeros(2 * wheels * self.M)
         self.rate, self.frequency = _zeros(wheels * self.M), _zeros(wheels * self.M)
@@ -119,8 +117,8 @@ class BeltMotion:
         self.rows = _zeros(2 * (2 + 2 * self.N))
         self.shape = _zeros(2 * self.points)
         self.room = _ROOM
-        self.waiting = memoryview(np.zeros(wheels, dtype=np.int64))
-        self.length = memoryview(np.zeros(wheels * _ROOM, dtype=np.int64))
+        self.waiting = np.zeros(wheels, dtype=np.int64).data
+        self.length = np.zeros(wheels * _ROOM, dtype=np.int64).data
         self.held = _zeros(3 * wheels * _ROOM)
         self._set_modes(RingModes(unit, numbers, model))
         for wheel in range(wheels):
@@ -128,7 +126,7 @@ class BeltMotion:
 
     def _set_modes(self, modes: RingModes) -> None:
         self.modes = modes
-        self.table = memoryview(np.ascontiguousarray(modes.table).reshape(-1))
+        self.table = np.ascontiguousarray(modes.table).reshape(-1).data
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tires from now on. Positions and velocities go on as they are."""
@@ -333,6 +331,8 @@ class BeltMotion:
         q: cython.Py_ssize_t = wheel * motion.states + motion.states // 2
         right: cython.Py_ssize_t = 8 * wheel * M
         amplitude: cython.double
+        a: cython.double
+        b: cython.double
         x: cython.double
         y: cython.double
         u: cython.double
@@ -355,10 +355,12 @@ class BeltMotion:
             x = y = u = v = 0.0
             if self.complete:
                 for e in range(4 * i, 4 * i + 4):
-                    x += self.right[right + 4 * M + e] * self.shown[e] - self.right[right + 5 * M + e] * self.shown[M + e]
-                    y += self.right[right + 4 * M + e] * self.shown[M + e] + self.right[right + 5 * M + e] * self.shown[e]
-                    u += self.right[right + 6 * M + e] * self.shown[e] - self.right[right + 7 * M + e] * self.shown[M + e]
-                    v += self.right[right + 6 * M + e] * self.shown[M + e] + self.right[right + 7 * M + e] * self.shown[e]
+                    a, b = self.shown[e], self.shown[M + e]
+                    k = right + 4 * M + e  # Z_1 of the eigenvector, then Z_2
+                    x += self.right[k] * a - self.right[k + M] * b
+                    y += self.right[k] * b + self.right[k + M] * a
+                    u += self.right[k + 2 * M] * a - self.right[k + 3 * M] * b
+                    v += self.right[k + 2 * M] * b + self.right[k + 3 * M] * a
             else:  # Z_2 = -i Z_1/n
                 x = self.shown[2 * i] + self.shown[2 * i + 1]
                 y = self.shown[M + 2 * i] + self.shown[M + 2 * i + 1]
@@ -441,4 +443,4 @@ class BeltMotion:
 
 
 def _zeros(count: int) -> memoryview:
-    return memoryview(np.zeros(count))
+    return np.zeros(count).data

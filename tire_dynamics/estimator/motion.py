@@ -3,7 +3,8 @@
 
 In the fixed frame, with the speed Omega, the load and the traction linear over a step of length h, tau = t/h,
 
-    dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance - h M^-1 N^T kappa exp(2 i phi) conj(N q)
+    dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance
+              - h M^-1 N^T kappa exp(2 i phi) conj(N q)
 
 (:mod:`~tire_dynamics.science.turning`; E makes the Euler terms of the complete model). Everything in it is an entire
 function of tau, so that the Taylor coefficients of z follow one from the other. The series is summed until what is
@@ -19,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,11 +67,11 @@ class Motion:
 
     Notes
     -----
-    States are those of :func:`~tire_dynamics.science.wheel.fixed_frame_matrix`; their velocities are for ``spin_speed``,
-    the speed at the end of the last step.
+    States are those of :func:`~tire_dynamics.science.wheel.fixed_frame_matrix`; their velocities are for
+    ``spin_speed``, the speed at the end of the last step.
     """
 
-    def __init__(self, unit: TireWheelUnit, model: str, wheels: int) -> None:
+    def __init__(self, unit: TireWheelUnit, model: wheel.Model, wheels: int) -> None:
         self.wheels, self.model = wheels, model
         self.complete = model == "complete"
         self.states = wheel.states(unit, model)
@@ -95,7 +96,7 @@ class Motion:
         self.runout, self.sizes, self.wheel_x = _flat(parts.runout), _flat(parts.sizes), _flat(parts.wheel_x)
         self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
         self.matrix, self.between = _zeros(self.wheels * self.wide * self.wide), _zeros(self.wide * self.wide)
-        self.matrix_at = memoryview(np.full(self.wheels, math.nan))
+        self.matrix_at = np.full(self.wheels, math.nan).data
         self.x, self.after, self.force = _zeros(self.wide), _zeros(self.wide), _zeros(self.wide)
         self.terms, self.lines = _zeros((_TERMS + 2) * n), _zeros(2 * max(self.pairs, 1) * (_TERMS + 2))
         self.convolved, self.answers = (_zeros(2 * max(self.pairs, 1) * (_TERMS + 2)) for _ in range(2))
@@ -163,10 +164,10 @@ class Motion:
             On the axle (x, z), REP 103 axes [N].
         """
         states, forces = np.empty((len(time), self.states)), np.empty((len(time), 2))
+        time, speed, force = (np.ascontiguousarray(each).reshape(-1) for each in (time, speed, force))
         self._follow_lines(
-            len(time), *(memoryview(np.ascontiguousarray(each).reshape(-1)) for each in (time, speed, force)),
-            memoryview(states.reshape(-1)), memoryview(forces.reshape(-1)),
-        )  # fmt: skip
+            len(time), time.data, speed.data, force.data, states.reshape(-1).data, forces.reshape(-1).data
+        )
         return states, forces
 
     def _follow_lines(
@@ -333,7 +334,7 @@ class Motion:
         slope: cython.double,
         step: cython.double,
     ) -> cython.void:
-        """Term k + 1 of the series from x, the term k, and the force: part [A x + slope S x_before + slope/h E x + f]."""
+        """Term k + 1 of the series from x, the term k: part [A x + slope S x_before + slope/h E x + force]."""
         n: cython.Py_ssize_t = self.states
         wide: cython.Py_ssize_t = self.wide
         a: cython.Py_ssize_t
@@ -536,7 +537,6 @@ class Motion:
         order: cython.Py_ssize_t = 1
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         k: cython.Py_ssize_t
         total: cython.double
         length: cython.double = seconds
@@ -559,7 +559,7 @@ class Motion:
                 self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, load_change, traction_change)
             for b in range(n):
                 self.affine[a * n + b] = self.after[b]
-        for c in range(doublings):
+        for _ in range(doublings):
             for a in range(n + 2):
                 for b in range(n):
                     self.squared[a * n + b] = 0.0
@@ -656,10 +656,10 @@ class Motion:
 
 
 def _zeros(count: int) -> memoryview:
-    return memoryview(np.zeros(count))
+    return np.zeros(count).data
 
 
 def _flat(array: FloatArray) -> memoryview:
     """A copy in rows; of nothing, one zero: an empty buffer has no first element to point to."""
     flat = np.array(array, dtype=np.float64, order="C").reshape(-1)
-    return memoryview(flat if flat.size else np.zeros(1))
+    return (flat if flat.size else np.zeros(1)).data

@@ -20,7 +20,7 @@ if cython.compiled:
 else:
     from math import fmod, isfinite
 
-__all__ = ["OUTCOMES", "Schedule"]
+__all__ = ["FOREVER", "OUTCOMES", "Schedule"]
 
 OUTCOMES = (
     "taken", "late", "repeated", "out of order", "not finite",
@@ -43,7 +43,8 @@ _DONE = cython.declare(cython.int, 8)
 _FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
 _NAN = cython.declare(cython.double, math.nan)
 _NEVER = cython.declare(cython.longlong, -(2**62))  # [ns]
-_FOR_EVER = 2**61  # [ns]
+FOREVER = 2**61
+"""A timeout that never comes [ns]."""
 
 
 @cython.cclass
@@ -53,8 +54,8 @@ class Schedule:
     Parameters
     ----------
     wheels : int
-    timeout : int or None
-        Age [ns] beyond which an input is no longer believed; None for never.
+    timeout : int
+        Age [ns] beyond which an input is no longer believed.
 
     Notes
     -----
@@ -81,20 +82,20 @@ class Schedule:
     # Of kind 0 (speed, angle) and 1 (load, traction): per wheel and kind, the sample in force and those that wait for
     # their time, in ascending stamps; the second value of a speed is NaN where no angle came with it.
 
-    def __init__(self, wheels: int, timeout: int | None) -> None:
+    def __init__(self, wheels: int, timeout: int) -> None:
         self.wheels = wheels
-        self.timeout = timeout if timeout is not None else _FOR_EVER
+        self.timeout = timeout
         self.time, self.has_time, self.running, self.diverged, self.stops, self.divergences, self.angle_used = (
             _integers(wheels) for _ in range(7)
         )
         self.cursor = _integers(wheels)
         self.counts = _integers(wheels * len(OUTCOMES))
-        self.measured_angle = memoryview(np.full(wheels, math.nan))
+        self.measured_angle = np.full(wheels, math.nan).data
         self.has, self.stamp, self.waiting = (_integers(2 * wheels) for _ in range(3))
-        self.values = memoryview(np.zeros(4 * wheels))
+        self.values = np.zeros(4 * wheels).data
         self.room = 16
         self.waiting_stamp = _integers(2 * wheels * self.room)
-        self.waiting_values = memoryview(np.zeros(4 * wheels * self.room))
+        self.waiting_values = np.zeros(4 * wheels * self.room).data
         self.length = 0
         self.speed = self.load = self.traction = 0.0
         self.angle = math.nan
@@ -124,8 +125,8 @@ class Schedule:
         pairs, room = 2 * self.wheels, self.room
         stamps = np.array(self.waiting_stamp).reshape(pairs, room)
         values = np.array(self.waiting_values).reshape(pairs, room, 2)
-        self.waiting_stamp = memoryview(np.concatenate([stamps, np.zeros_like(stamps)], axis=1).reshape(-1))
-        self.waiting_values = memoryview(np.concatenate([values, np.zeros_like(values)], axis=1).reshape(-1))
+        self.waiting_stamp = np.concatenate([stamps, np.zeros_like(stamps)], axis=1).reshape(-1).data
+        self.waiting_values = np.concatenate([values, np.zeros_like(values)], axis=1).reshape(-1).data
         self.room = 2 * room
 
     @cython.cfunc
@@ -427,7 +428,7 @@ class Schedule:
 
 
 def _integers(count: int) -> memoryview:
-    return memoryview(np.zeros(count, dtype=np.int64))
+    return np.zeros(count, dtype=np.int64).data
 
 
 def _two(sample: list[Any]) -> tuple[float, float]:

@@ -22,6 +22,6 @@ class VehicleSettings:
     ring_samples: int = 72
     n_max: int = 30
     model: Model = "inextensional"
-    input_timeout: int | None = 200_000_000
+    input_timeout: int = 200_000_000
     max_speed: float = 1000.0
     max_load: float = 200e3

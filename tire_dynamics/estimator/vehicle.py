@@ -208,7 +208,7 @@ class Vehicle:
 
 
 def joint_places(joints: Sequence[str], names: Sequence[str]) -> list[tuple[int, int, bool]]:
-    """Of every wheel whose joint is among some names: its index, the first place of its joint, whether it is there twice."""
+    """Of every wheel whose joint is among some names: its index, the joint's first place, whether it is there twice."""
     names = list(names)
     return [
         (index, names.index(joint), names.count(joint) > 1) for index, joint in enumerate(joints) if joint in names

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..science import wheel
 from ..science.unit import TireWheelUnit
 from .belt import shape_basis
+from .schedule import FOREVER
 from .settings import VehicleSettings
 from .wheels import Wheels
 
@@ -55,8 +56,9 @@ class WheelEstimator:
     ) -> None:
         self.model = model
         settings = VehicleSettings(
-            unit, model=model, n_max=n_max, ring_samples=3, input_timeout=timeout, max_speed=math.inf, max_load=math.inf
-        )
+            unit, model=model, n_max=n_max, ring_samples=3, max_speed=math.inf, max_load=math.inf,
+            input_timeout=FOREVER if timeout is None else timeout,
+        )  # fmt: skip
         self._wheels = Wheels(settings)
         self._schedule, self._motion, self._belt = self._wheels.schedule, self._wheels.motion, self._wheels.belt
 

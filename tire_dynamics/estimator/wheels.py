@@ -92,13 +92,13 @@ class Wheels:
         self.max_speed, self.max_load = settings.max_speed, settings.max_load
         self.ring_period = settings.ring_period
         # Each wheel's belt has its own part of the period: all at one tick would take longer than the others.
-        self.offset = memoryview(np.array([k * settings.ring_period // count for k in range(count)], dtype=np.int64))
-        self.turn, self.has_turn, self.due = (memoryview(np.zeros(count, dtype=np.int64)) for _ in range(3))
-        self.force = memoryview(np.zeros(2 * count))
+        self.offset = np.array([k * settings.ring_period // count for k in range(count)], dtype=np.int64).data
+        self.turn, self.has_turn, self.due = (np.zeros(count, dtype=np.int64).data for _ in range(3))
+        self.force = np.zeros(2 * count).data
         self.is_noting = False
-        self.noted = memoryview(np.zeros(count, dtype=np.int64))
-        self.last_angle = memoryview(np.full(count, np.inf))
-        self.orders = memoryview(np.zeros(1))
+        self.noted = np.zeros(count, dtype=np.int64).data
+        self.last_angle = np.full(count, np.inf).data
+        self.orders = np.zeros(1).data
 
     @property
     def unit(self) -> TireWheelUnit:
@@ -113,15 +113,15 @@ class Wheels:
     def reset(self) -> None:
         """Forget every sample, every state and the time."""
         self._forget()
-        for wheel in range(self.count):
-            self.has_turn[wheel] = self.due[wheel] = 0
+        for w in range(self.count):
+            self.has_turn[w] = self.due[w] = 0
         self.has_time = False
 
     def _forget(self) -> None:
-        for wheel in range(self.count):
-            self.schedule.forget(wheel)
-            self.motion.reset(wheel)
-            self.belt.reset(wheel)
+        for w in range(self.count):
+            self.schedule.forget(w)
+            self.motion.reset(w)
+            self.belt.reset(w)
 
     # -- samples --------------------------------------------------------------------------------------------
 
@@ -317,7 +317,7 @@ class Wheels:
 
     def note_orders(self) -> None:
         """Keep, from now on, the angle and the vertical force of wheels that turn; :meth:`noted_orders` takes them."""
-        self.orders = memoryview(np.zeros(2 * self.count * _ORDERS))
+        self.orders = np.zeros(2 * self.count * _ORDERS).data
         self.is_noting = True
 
     def noted_orders(self, wheel: int) -> NDArray[np.float64]:

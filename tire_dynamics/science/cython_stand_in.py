@@ -18,8 +18,8 @@ from typing import Any, TypeVar
 
 __all__ = [
     *("annotation_typing", "bint", "boundscheck", "cast", "ccall", "cclass", "cdivision", "cfunc", "compiled", "const"),
-    *("declare", "double", "exceptval", "final", "gil", "initializedcheck", "inline", "int", "locals", "longlong", "nogil"),
-    *("Py_ssize_t", "returns", "size_t", "uchar", "uint", "ulonglong", "void", "wraparound"),
+    *("declare", "double", "exceptval", "final", "gil", "initializedcheck", "inline", "int", "locals", "longlong"),
+    *("nogil", "Py_ssize_t", "returns", "size_t", "uchar", "uint", "ulonglong", "void", "wraparound"),
 ]
 
 Decorated = TypeVar("Decorated")

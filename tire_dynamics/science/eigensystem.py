@@ -18,6 +18,7 @@ else:
 __all__ = ["COLUMNS", "eigensystems"]
 
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 COLUMNS = 12
 """Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, and 1 (0 in the hybrid
@@ -147,7 +148,7 @@ def mode_eigensystem(
             steady[(4 * wheel + 2) * M + e], steady[(4 * wheel + 3) * M + e] = r * c - t * h, r * h + t * c
 
 
-def eigensystems(table: FloatArray, speed: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def eigensystems(table: FloatArray, speed: float) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
     """:func:`mode_eigensystem` as arrays.
 
     Parameters
@@ -167,8 +168,8 @@ def eigensystems(table: FloatArray, speed: float) -> tuple[FloatArray, FloatArra
     N = len(table)
     rate, frequency, steady, slow, left = (np.empty(rows * 2 * N) for rows in (1, 1, 4, 2, 4))
     mode_eigensystem(
-        N, memoryview(np.ascontiguousarray(table).reshape(-1)), speed, 0, memoryview(rate), memoryview(frequency),
-        memoryview(steady), memoryview(slow), memoryview(left),
+        N, np.ascontiguousarray(table).reshape(-1).data, speed, 0, rate.data, frequency.data,
+        steady.data, slow.data, left.data,
     )  # fmt: skip
     s = (slow[: 2 * N] + 1j * slow[2 * N :]).reshape(N, 2)
     shapes = (steady.reshape(4, N, 2)[0::2] + 1j * steady.reshape(4, N, 2)[1::2]).transpose(1, 2, 0)

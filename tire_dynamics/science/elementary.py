@@ -109,12 +109,13 @@ def grow(
         rest = ((y - whole * P1) - whole * P2) - whole * P3
         z = rest * rest
         sine = 1.58969099521155010221e-10 * z + -2.50507602534068634195e-08
-        sine = ((sine * z + 2.75573137070700676789e-06) * z + -1.98412698298579493134e-04) * z + 8.33333333332248946124e-03
-        sine = (sine * z + -1.66666666666666324348e-01) * z
+        sine = (sine * z + 2.75573137070700676789e-06) * z + -1.98412698298579493134e-04
+        sine = ((sine * z + 8.33333333332248946124e-03) * z + -1.66666666666666324348e-01) * z
         sine = sine * rest + rest
         cosine = -1.13596475577881948265e-11 * z + 2.08757232129817482790e-09
-        cosine = ((cosine * z + -2.75573143513906633035e-07) * z + 2.48015872894767294178e-05) * z + -1.38888888888741095749e-03
-        cosine = ((cosine * z + 4.16666666666666019037e-02) * z + -0.5) * z + 1.0
+        cosine = (cosine * z + -2.75573143513906633035e-07) * z + 2.48015872894767294178e-05
+        cosine = (cosine * z + -1.38888888888741095749e-03) * z + 4.16666666666666019037e-02
+        cosine = (cosine * z + -0.5) * z + 1.0
         u = rate[first + i] * time
         u = -LARGEST if u < -LARGEST else u  # NaN stays
         u = LARGEST if u > LARGEST else u
@@ -150,7 +151,7 @@ def growth(rate: ArrayLike, angle: ArrayLike) -> tuple[FloatArray, FloatArray]:
     rates, angles = np.broadcast_arrays(np.asarray(rate, dtype=np.float64), np.asarray(angle, dtype=np.float64))
     real, imaginary = np.empty(rates.size), np.empty(rates.size)
     flat = rates.flatten(), angles.flatten()
-    grow(rates.size, 0, memoryview(flat[0]), memoryview(flat[1]), 1.0, memoryview(real), memoryview(imaginary))
+    grow(rates.size, 0, flat[0].data, flat[1].data, 1.0, real.data, imaginary.data)
     return real.reshape(rates.shape), imaginary.reshape(rates.shape)
 
 
