@@ -492,6 +492,8 @@ def _node(arguments: list[str]) -> int:
     stopping: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):  # before the long import, so that both end a start-up as well
         signal.signal(number, lambda caught, frame: stopping.append(caught))
+    # Matrices here are small: more threads would only take the core from the one that ticks. Before NumPy is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .node import run
 
     run(arguments, lambda: bool(stopping))
