@@ -534,7 +534,7 @@ def bad_numbers(soak: Soak) -> None:
         if noise.random() > 0.3:
             return
         value = noise.choice([float("nan"), float("inf"), float("-inf"), -1e300, 1e9, -500.0, -0.0])
-        stamp = noise.choice([now, now, 0, now - 10 ** noise.randrange(6, 18), now + 10 ** noise.randrange(6, 18)])
+        stamp = noise.choice([now, now, 0, now - 10**noise.randrange(6, 18), now + 10**noise.randrange(6, 18)])
         if noise.random() < 0.7:
             message = WrenchStamped()
             message.wrench.force.z, message.wrench.force.x = (value, 0.0) if noise.random() < 0.5 else (4000.0, value)

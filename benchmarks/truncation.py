@@ -1,6 +1,6 @@
 """What a highest wavenumber costs: the deflection under the load against n_max, for three contact patches.
 
-python benchmarks/truncation.py
+    python benchmarks/truncation.py
 """
 
 from __future__ import annotations

@@ -489,6 +489,8 @@ def _node(arguments: list[str]) -> int:
         print(f"\n{_examples(_NODE_EXAMPLES)}\n\n{EXIT_STATUS}")
         return 0
     _need_ros()
+    # Matrices here are small: more threads would only take the core from the one that ticks. Before NumPy is loaded.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from .start import start
 
     start(arguments)

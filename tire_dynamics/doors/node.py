@@ -254,8 +254,9 @@ class TireDynamicsNode(LifecycleNode):
         while self._unanswered:
             self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
         self._preparing = False
-        if was_active:
+        if was_active and self._not_in_force():  # what was accepted counts, and the log says so
             self._wiring.set_values(self._wanted)
+            self._journal.record()
         self._journal.close()
 
     def _clean_up(self) -> None:
