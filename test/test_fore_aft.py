@@ -71,6 +71,7 @@ def test_a_stiff_support_holds_the_wheel(model, damping):
     assert fine == pytest.approx(0.01 * coarse, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_simulate_is_the_ring_frame_integrated(model, damping):
@@ -150,7 +151,11 @@ def milli(value: float) -> float:
 
 
 @settings(max_examples=50)
-@given(speed=st.floats(-2000.0, 2000.0).map(milli), zeta_1=st.floats(0.0, 0.4).map(milli), damping=st.sampled_from(DAMPINGS))
+@given(
+    speed=st.floats(-2000.0, 2000.0).map(milli),
+    zeta_1=st.floats(0.0, 0.4).map(milli),
+    damping=st.sampled_from(DAMPINGS),
+)
 def test_a_wheel_without_a_direction_whirls(speed, zeta_1, damping):
     """Four whirls and their mirror images: the exponents are the roots and their conjugates."""
     unit = round_wheel(zeta_1=zeta_1, sidewall_damping=damping)

@@ -174,6 +174,7 @@ def test_rosdep_installs_what_pip_installs():
     assert "python3-pytest" in declared("test_depend")  # colcon runs pytest where the extra `test` names it
 
 
+@pytest.mark.slow
 def test_every_package_that_the_code_uses_is_declared():
     imported, messages = set(), set()
     for file in [*(ROOT / "tire_dynamics").rglob("*.py"), *(ROOT / "launch").glob("*.py")]:
