@@ -84,6 +84,7 @@ def mcap_of(folder: Path) -> Path:
 # --- what others read of ours ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
 def test_rosbags_reads_the_same_values_and_qos(tmp_path, compression):
     encoder = WrenchEncoder("wheel_axle")
@@ -271,6 +272,7 @@ def test_every_way_to_lay_out_a_file_is_read(tmp_path, options):
 # --- order and selection ---
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.lists(st.integers(0, 30), max_size=40), min_size=1, max_size=3), st.integers(50, 500))
 def test_messages_come_in_order_of_log_time_then_of_the_files(tmp_path_factory, files, chunk_size):
@@ -303,6 +305,7 @@ def test_topics_select(tmp_path):
     assert len(list(reader.messages())) == 60  # as often as one likes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunks", [True, False])
 def test_memory_holds_a_few_chunks_and_not_the_bag(tmp_path, chunks):
     path = tmp_path / "file.mcap"
@@ -562,6 +565,7 @@ def test_a_topic_of_two_types_is_refused(tmp_path):
         BagReader(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "zstd"])
 def test_a_truncated_file_is_read_as_far_as_it_goes(tmp_path, compression):
     whole = write_floats(tmp_path / "bag", range(40), compression=compression)
@@ -580,6 +584,7 @@ def test_a_truncated_file_is_read_as_far_as_it_goes(tmp_path, compression):
     assert most == len(whole)  # the summary at the end is not needed
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):

@@ -103,6 +103,7 @@ def test_mathieu_multipliers():
     assert result.period == math.pi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("q", [0.1, 1.0, 3.0])
 def test_mathieu_stability_boundaries(q):
     """The characteristic values a_m, b_m part stable from unstable (Abramowitz & Stegun 20.2, 20.3)."""
@@ -169,6 +170,7 @@ def test_meissner_with_a_jump_anywhere(a, q, switch, rtol):
         assert result.verdict == (UNSTABLE if trace > 2.0 else MARGINAL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", TOLERANCES)
 @pytest.mark.parametrize("place", [0.3, 0.6180339])
 def test_error_bound_holds_at_a_singularity(place, rtol):
@@ -465,6 +467,7 @@ def test_order_and_consistency():
         result.verdict = STABLE
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_multiplier_that_underflows_keeps_its_exponent():
     result = floquet.analyze(lambda t: [[-1000.0 + math.cos(math.pi * t)]], 2.0)
@@ -521,6 +524,7 @@ def test_bad_constant_matrix(matrix):
         floquet.analyze_constant(np.eye(2), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("A", "message"),

@@ -71,6 +71,7 @@ def test_a_stiff_support_holds_the_wheel(model, damping):
     assert fine == pytest.approx(0.01 * coarse, rel=0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("damping", DAMPINGS)
 def test_simulate_is_the_ring_frame_integrated(model, damping):

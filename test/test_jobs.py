@@ -24,6 +24,8 @@ from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.jobs import Failure, workers
 from tire_dynamics.doors.replay import replay
 
+pytestmark = pytest.mark.slow
+
 MAP = ("map", "--x", "zeta_1=0.05:0.5:120", "--y", "speed_rpm=0:20000:120")  # of two blocks of points
 
 
@@ -197,6 +199,7 @@ def test_progress_in_a_terminal_and_none_in_a_pipe(drives, tmp_path):
     assert {count for _, count in bars} <= {"0", "1", "2"} and shown.count(b"replay") > 1
 
 
+@pytest.mark.nightly
 def test_interrupting_ends_all_and_leaves_nothing_behind(long, tmp_path):
     bag, config = long
     out = tmp_path / "out"
@@ -285,6 +288,7 @@ def cluster():
         yield cluster
 
 
+@pytest.mark.nightly
 def test_a_worker_that_is_killed_halfway_is_made_up_for(cluster, drives, long, tmp_path):
     import distributed
     import psutil  # which distributed stands on
@@ -321,6 +325,7 @@ def test_a_worker_that_is_killed_halfway_is_made_up_for(cluster, drives, long, t
     assert same_bytes(out / "short", tmp_path / "alone" / "short")
 
 
+@pytest.mark.nightly
 def test_a_cluster_fails_as_processes_do(cluster):
     """Even where others wait behind the one that ends its worker, and Dask takes them for as bad as that."""
     cluster.scheduler.allowed_failures = 0  # the default is 3, which takes longer
@@ -333,6 +338,7 @@ def test_a_cluster_fails_as_processes_do(cluster):
         assert results[number] == expected
 
 
+@pytest.mark.nightly
 def test_a_map_on_a_cluster_has_the_same_bytes(cluster, tmp_path):
     assert called(*MAP, "-o", tmp_path / "a.png").returncode == 0
     done = called(*MAP, "-o", tmp_path / "b.png", "--scheduler", cluster.scheduler_address)
@@ -342,6 +348,7 @@ def test_a_map_on_a_cluster_has_the_same_bytes(cluster, tmp_path):
         assert all(one[name].tobytes() == other[name].tobytes() for name in one)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("silent", [False, True])
 def test_a_scheduler_that_does_not_answer(drives, tmp_path, monkeypatch, silent):
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

@@ -188,7 +188,7 @@ def killed(domain: int, number: int, directory: Path, noise: random.Random) -> t
     # 1 s of promise, and what the machine keeps the log's thread waiting for its turns at the processor and the disk:
     # half a second, or a few times as long as it kept a thread beside it
     late = victim.machine.worst
-    assert seconds < 1.0 + max(0.5, 4.0 * late), f"lost {lost} wrenches, {seconds:.2f} s; a thread is {late:.2f} s off"
+    assert seconds < 1.0 + max(0.5, 4.0 * late), f"lost {lost} wrenches of {seconds:.2f} s; others {late:.2f} s late"
 
     again = directory / f"again_{number}"
     done = run("replay", file, "-o", again)

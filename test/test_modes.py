@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -299,8 +300,9 @@ def some_numbers(model, n):
 EXACT = 1e-8
 
 
+@pytest.mark.slow
 @both
-@settings(max_examples=20)
+@examples(4, nightly=20)
 @given(unit=units(), drive=drives(varying=False), n=st.integers(2, 6))
 @example(unit=TABLE_1.replace(zeta_n=0.9999), drive=Drive([0.0, 0.01], 0.0, [1e3, 0.0], 300.0), n=2)
 @example(unit=TABLE_1.replace(zeta_n=0.0), drive=Drive([0.0, 0.01], -300.0, 1e3, -500.0), n=6)
@@ -310,8 +312,9 @@ def test_constant_speed(model, unit, drive, n):
     assert error(motion(RingModes(unit, numbers, model), drive), expected) < EXACT
 
 
+@pytest.mark.slow
 @both
-@settings(max_examples=20)
+@examples(4, nightly=20)
 @given(unit=units(), drive=drives(varying=True), n=st.integers(2, 6))
 @example(unit=TABLE_1, drive=Drive([0.0, 0.01], [-100.0, 100.0], 0.0, 500.0), n=3)
 def test_varying_speed(model, unit, drive, n):
@@ -325,6 +328,7 @@ def test_varying_speed(model, unit, drive, n):
     assert fine < 1e-3
 
 
+@pytest.mark.slow
 def test_every_mode_at_once():
     """n = 0 to 6 side by side, one of them with the wheel held: each moves as if alone."""
     drive = Drive([0.0, 0.004, 0.01], [-80.0, -80.0, -80.0], [0.0, 3e3, -1e3], [500.0, -2e3, 0.0])
@@ -401,6 +405,7 @@ def test_steady_state_is_the_papers(unit, speed, n, model):
     assert abs(found * np.exp(-1j * n * CONTACT_ANGLE) - expected) <= 1e-9 * abs(expected)
 
 
+@pytest.mark.slow
 @both
 @settings(max_examples=25)
 @given(

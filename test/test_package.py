@@ -181,6 +181,7 @@ def test_what_builds_the_package_is_named_alike():
     assert cython in SETUP["extras_require"]["test"] and cython in SETUP["extras_require"]["colcon"]
 
 
+@pytest.mark.slow
 def test_every_package_that_the_code_uses_is_declared():
     imported, messages = set(), set()
     for file in [*(ROOT / "tire_dynamics").rglob("*.py"), *(ROOT / "launch").glob("*.py")]:

@@ -212,6 +212,7 @@ def test_numbers_as_people_write_them(tmp_path):
     assert all(type(value) is float for value in values.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "named"),
     [

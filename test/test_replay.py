@@ -181,6 +181,7 @@ def test_it_is_a_vehicle_fed_by_hand(tmp_path):
         assert [*map(tuple, wrenches(tmp_path / "out", name))] == rows  # the same bits
 
 
+@pytest.mark.slow
 def test_a_replay_replayed_is_the_same_bytes(tmp_path):
     wild(tmp_path / "in")
     for source, target in (("in", "a"), ("a/bag", "b"), ("b/bag", "c")):
@@ -282,6 +283,7 @@ def test_another_rate(tmp_path):
     assert np.array_equal(wrenches(tmp_path / "in_slow"), wrenches(tmp_path / "log_slow"))
 
 
+@pytest.mark.slow
 def test_another_ring_rate_leaves_the_ticks_of_a_log_alone(tmp_path):
     wild(tmp_path / "in")
     replay(tmp_path / "in", tmp_path / "log")
@@ -382,6 +384,7 @@ def test_a_year_of_silence_costs_nothing(tmp_path):
     assert BagReader(tmp_path / "out").message_count < 2000
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     peaks = []
     for seconds in (45.0, 135.0):  # the shorter one is longer than what is taken together, twice
@@ -423,6 +426,7 @@ def test_a_real_drive(drive, tmp_path):
         assert force[:, 1].mean() == pytest.approx(mean_load, rel=0.01)
 
 
+@pytest.mark.slow
 def test_interrupting_leaves_nothing_behind(tmp_path):
     """Ctrl-C in the middle: no half bag under the name of the output, and no other."""
     source = constant(tmp_path / "in", 60.0)

@@ -83,6 +83,7 @@ def violations(package: Path) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 def test_imports_point_down_and_ros_stays_at_its_doors():
     assert violations(PACKAGE) == []
 
@@ -153,6 +154,7 @@ def test_an_allowed_use_is_not_reported(tmp_path, path, source):
     assert violations(package_of_one_file(tmp_path, path, source)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "use",
     [
