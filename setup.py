@@ -31,7 +31,8 @@ class BuildCore(build_ext):
                     if os.path.exists(file):
                         os.remove(file)
             self.extensions = []
-            print(f"{type(error).__name__}: {error}", BUILD_STATE["how_to_compile"](building=True), sep="\n", file=sys.stderr)
+            print(f"{type(error).__name__}: {error}", file=sys.stderr)
+            print(BUILD_STATE["how_to_compile"](building=True), file=sys.stderr)
 
     def build_extension(self, extension):
         if not BUILD_STATE["cython_suits"]():
