@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from tire_dynamics.doors.compilation import compile_kernels
 
 REPOSITORY = Path(__file__).parents[1]
 
@@ -34,12 +33,6 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "ros_domain" in item.fixturenames:
             item.add_marker(pytest.mark.live)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compiled():
-    """The loops are compiled before the first test, whose time would not be its own."""
-    compile_kernels()
 
 
 @pytest.fixture(scope="session")

@@ -26,7 +26,7 @@ MAY_IMPORT_ROS = {
 PURE = {
     *("__future__", "abc", "array", "bisect", "cmath", "collections", "copy", "dataclasses", "enum"),
     *("functools", "heapq", "itertools", "math", "numbers", "operator", "re", "types", "typing", "warnings"),
-    *("numpy", "scipy"),
+    *("struct", "cython", "numpy", "scipy"),
 }
 # The parameters of a tire come from a file and go into one.
 MAY_ALSO_USE = {
