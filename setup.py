@@ -31,13 +31,8 @@ class BuildCore(build_ext):
                     if os.path.exists(file):
                         os.remove(file)
             self.extensions = []
-<<<<<<< HEAD
-            remedy = BUILD_STATE["how_to_compile"](building=True)
-            print(f"{type(error).__name__}: {error}", remedy, sep="\n", file=sys.stderr)
-=======
             print(f"{type(error).__name__}: {error}", file=sys.stderr)
             print(BUILD_STATE["how_to_compile"](building=True), file=sys.stderr)
->>>>>>> cdd10656415ad0a15ff2e720cd958f6fe6762ee5
 
     def build_extension(self, extension):
         if not BUILD_STATE["cython_suits"]():
