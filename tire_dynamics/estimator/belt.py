@@ -74,6 +74,31 @@ def shape_basis(psi: ArrayLike, numbers: ArrayLike) -> FloatArray:
     return basis
 
 
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _combine(
+    rows: cython.double[::1],
+    basis: cython.double[::1],
+    shape: cython.double[::1],
+    B: cython.Py_ssize_t,
+    P: cython.Py_ssize_t,
+) -> cython.void:
+    """rows (2, B) times basis (B, P) into shape (2, P), sums over B in order; B is even."""
+    c: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    i: cython.Py_ssize_t
+    x: cython.double
+    y: cython.double
+    for c in range(2):
+        for i in range(P):
+            shape[c * P + i] = 0.0
+        for k in range(0, B, 2):
+            x, y = rows[c * B + k], rows[c * B + k + 1]
+            for i in range(P):
+                shape[c * P + i] = (shape[c * P + i] + x * basis[k * P + i]) + y * basis[(k + 1) * P + i]
+
+
 @cython.cclass
 class BeltMotion:
     """The modes beside n = 1 of W belts through time, under forces that are held between changes.
@@ -327,10 +352,8 @@ class BeltMotion:
         i: cython.Py_ssize_t
         e: cython.Py_ssize_t
         k: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         q: cython.Py_ssize_t = wheel * motion.states + motion.states // 2
         right: cython.Py_ssize_t = 8 * wheel * M
-        amplitude: cython.double
         a: cython.double
         b: cython.double
         x: cython.double
@@ -368,13 +391,7 @@ class BeltMotion:
                 v = -x / self.numbers[i]
             self.rows[2 + i], self.rows[2 + N + i] = x, y
             self.rows[B + 2 + i], self.rows[B + 2 + N + i] = u, v
-        for c in range(2):
-            for i in range(P):
-                self.shape[c * P + i] = 0.0
-            for k in range(B):
-                amplitude = self.rows[c * B + k]
-                for i in range(P):
-                    self.shape[c * P + i] += amplitude * self.basis[k * P + i]
+        _combine(self.rows, self.basis, self.shape, B, P)
 
     # -- what can be read -----------------------------------------------------------------------------------
 
