@@ -375,7 +375,7 @@ def test_a_live_log_replays_bit_for_bit(peer, tmp_path):
     assert min(stops) >= 1
 
 
-@pytest.mark.parametrize("limit", ["log.max_duration_s:=0.6", "log.max_size_mb:=0.3"])
+@pytest.mark.parametrize("limit", ["log.max_duration_s:=0.6", "log.max_size_mb:=0.1"])
 def test_a_log_in_several_files(peer, tmp_path, limit):
     """The folder is one log; and each file can be replayed for itself, from its own record on."""
     wheels = ["left", "right"]

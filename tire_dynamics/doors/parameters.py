@@ -147,8 +147,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
     Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
-    Parameter("log.max_size_mb", "double", 0.0, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
-    Parameter("log.max_duration_s", "double", 0.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
+    Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
+    Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
     Parameter("log.compression", "string", "zstd", "of the log's chunks", choices=("zstd", "lz4", "none")),
 )
 
