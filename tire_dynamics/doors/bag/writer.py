@@ -333,7 +333,7 @@ class BagWriter:
             self._work.rename(self.folder)
 
     def _information(self, first: int, counts: Sequence[int]) -> str:
-        """``metadata.yaml``, version 9, in rosbag2's order of keys: of the files from one on, with messages by topic."""
+        """``metadata.yaml``, version 9, in rosbag2's order of keys, of the files from one on; messages by topic."""
         spans = [*self._finished[3 * first :], self._start, self._end, sum(self._counts)]
         starts, ends, messages = spans[::3], spans[1::3], spans[2::3]
         names = [self._file_name(first + number) for number in range(len(starts))]
