@@ -137,7 +137,8 @@ class Motion:
         self.input, self.imbalance = _flat(parts.input[:half]), _flat(parts.imbalance[:half])
         self.pull, self.net = _flat(parts.system[:half, n:]), _flat(parts.seen[:, half:])
         self.spring, self.runout, self.sizes = _flat(parts.spring), _flat(parts.runout), _flat(parts.sizes)
-        self.wheel_x, self.output, self.output_spin = _flat(parts.wheel_x), _flat(frame.output), _flat(frame.output_spin)
+        self.wheel_x = _flat(parts.wheel_x)
+        self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
         self.matrix, self.between = _zeros(self.wheels * half * n), _zeros(half * n)
         self.matrix_at = np.full(self.wheels, math.nan).data
         self.after, self.force = _zeros(n), _zeros(2 * half)
