@@ -58,20 +58,11 @@ def _declaration(msgtype: str) -> tuple[bytes, str] | None:
         return definitions.definition(msgtype).encode(), definitions.HASHES[msgtype]
     from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
 
-<<<<<<< HEAD
     store = get_typestore(Stores.ROS2_JAZZY)
     if msgtype not in store.types:
         return None
     text, _ = store.generate_msgdef(msgtype, ros_version=2)
     return text.encode(), store.hash_rihs01(msgtype)
-=======
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-def load_message_definitions() -> None:
-    """Load what writing a bag needs, now rather than when the first one is begun; a quarter of a second."""
-    _typestore()
->>>>>>> d5bab07582ec65dcca6ecc6c9ae482a19df243cb
 
 
 class BagWriter:
@@ -369,11 +360,7 @@ class BagWriter:
             self._work.rename(self.folder)
 
     def _information(self, first: int, counts: Sequence[int]) -> str:
-<<<<<<< HEAD
         """``metadata.yaml``, version 9, keys in rosbag2's order: of the files from one on, with messages by topic."""
-=======
-        """``metadata.yaml``, version 9, in rosbag2's order of keys, of the files from one on; messages by topic."""
->>>>>>> d5bab07582ec65dcca6ecc6c9ae482a19df243cb
         spans = [*self._finished[3 * first :], self._start, self._end, sum(self._counts)]
         starts, ends, messages = spans[::3], spans[1::3], spans[2::3]
         names = [self._file_name(first + number) for number in range(len(starts))]
