@@ -439,7 +439,7 @@ def test_a_step_of_the_load_acts_at_its_stamp_and_follows_the_exact_solution(ben
     forces = one.messages(WrenchStamped, "/wheel/axle_wrench")
     one.until(lambda: len(forces) > 10, "axle wrenches")
     one.feed(speed=150.0)  # from now on no loads but the step
-    step = stamp_of(forces[-1]) + SECOND // 10  # in the future: it must wait for its time
+    step = stamp_of(forces[-1]) + SECOND  # in the future: it must wait for its time, and comes before it
     one.send_load(wrench(step, 4500.0))
     end = step + SECOND // 2
     one.until(lambda: stamp_of(forces[-1]) >= end, "half a second after the step")
