@@ -434,7 +434,7 @@ def test_a_change_of_the_tire_takes_effect_while_it_turns(bench):
 
 
 def test_a_step_of_the_load_acts_at_its_stamp_and_follows_the_exact_solution(bench):
-    one = bench("-p", "input_timeout_s:=2.0")
+    one = bench("-p", "input_timeout_s:=10.0")
     one.feed(speed=150.0, load=3000.0)
     forces = one.messages(WrenchStamped, "/wheel/axle_wrench")
     one.until(lambda: len(forces) > 10, "axle wrenches")
