@@ -530,14 +530,25 @@ def _recover(options: argparse.Namespace) -> int:
     return run(options)
 
 
+def _say_if_slow() -> None:
+    """One line where the core runs interpreted, for what takes much longer then."""
+    from ..build_state import how_to_compile, is_compiled
+
+    if not is_compiled():
+        print(f"tire-dynamics: {how_to_compile()}", file=sys.stderr)
+
+
 def _replay(options: argparse.Namespace) -> int:
     if len(options.input) > 1 or options.jobs is not None or options.scheduler is not None:
         from . import batch
+
+        _say_if_slow()
 
         return UNUSABLE if batch.run(options) else 0
     from .answer import answer
     from .replay import remaps_of, replay
 
+    _say_if_slow()
     [source] = options.input
     summary = replay(
         source,
