@@ -31,7 +31,7 @@ CORE = (
 
 CYTHON = (3, 0, 8)  # the oldest that will do: that of Ubuntu 24.04
 
-SLOWER = "some 100 times slower"
+SLOWER = "some 150 times slower"
 
 
 def is_compiled() -> bool:
