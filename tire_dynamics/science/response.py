@@ -40,7 +40,7 @@ def frequency_response(
         H[..., output, input] [-]: outputs are the axle forces (force.x, forward, and F', up, on the suspension), as in
         :func:`.wheel.axle_force`, inputs the vertical load (up) and the traction (forward) on the tire. A load
         F cos(2 pi f t) gives F abs(H[..., 1, 0]) cos(2 pi f t + angle(H[..., 1, 0])) at the suspension. H of load to F'
-        at 0 Hz is :func:`.wheel.transmissibility`, but for sin(phi_c)/phi_c under a spread load.
+        at 0 Hz is :func:`.wheel.transmissibility`.
 
     Raises
     ------

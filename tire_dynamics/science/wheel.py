@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy import linalg
 
 from . import floquet
-from .coefficients import coefficients, mode_damping
-from .elementary import cos_sin
+from .coefficients import coefficients, mode_damping, residual_stiffness
 from .floquet import FloquetResult
 from .stepping import ExactStepper, solve_in_order
 from .unit import MODAL, TireWheelUnit
@@ -48,6 +47,7 @@ __all__ = [
     "frequency_response",
     "is_unstable",
     "output_matrices",
+    "residual_stiffness",
     "reshaped",
     "ring_centre",
     "rotation",
@@ -102,18 +102,15 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
     circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
     """
-    system = _builder(model)(unit, _spread(unit))
+    system = _builder(model)(unit)
     for matrix in system:
         matrix.setflags(write=False)  # they are shared
     return system
 
 
 def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = "inextensional") -> FixedFrame:
-    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front.
-
-    The columns of ``input`` are those of a point load.
-    """
-    return _builder(model)(units, 1.0, shape)
+    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front."""
+    return _builder(model)(units, shape)
 
 
 def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
@@ -129,7 +126,7 @@ def _builder(model: str) -> Callable[..., FixedFrame]:
     raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
 
 
-def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _inextensional(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     k_1 = unit.sidewall_stiffness
     kappa = k_1 / m
@@ -152,8 +149,8 @@ def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = 
         _set(spin, 2, {3: -c_1 / M})
         _set(output, 0, {0: -c_1})
         _set(output_spin, 0, {4: -c_1, 5: c_1})
-    _set(force, 0, {1: -spread / m})
-    _set(force, 1, {0: spread / m})
+    _set(force, 0, {1: -1.0 / m})  # a contact patch changes nothing here: s_1 = 1
+    _set(force, 1, {0: 1.0 / m})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _inextensional_fore_and_aft(unit, system, kappa, d)
 
@@ -192,7 +189,7 @@ def _with_place_for_x(held: FixedFrame) -> FixedFrame:
     return system
 
 
-def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _complete(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     A, B, C, _ = coefficients(unit, 1)  # at rest: what the fixed frame keeps
     area = math.pi * unit.radius * unit.width
@@ -225,8 +222,8 @@ def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -
         _set(spin, 4, {5: -c_1 / M, 8: c_1 / M})
         _set(output, 0, {0: -c_1, 3: c_1})
         _set(output_spin, 0, {6: -c_1, 7: -c_1, 9: 2.0 * c_1})
-    _set(force, 1, {0: spread / half_mass})
-    _set(force, 3, {1: spread / half_mass})
+    _set(force, 1, {0: 1.0 / half_mass})
+    _set(force, 3, {1: 1.0 / half_mass})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _complete_fore_and_aft(unit, system, d)
 
@@ -266,12 +263,6 @@ def _set(matrix: FloatArray, row: int, values: Sequence[Any] | Mapping[int, Any]
     """Elements of a row, from the first column on or by their columns; each a number or an array."""
     for column, value in values.items() if isinstance(values, Mapping) else enumerate(values):
         matrix[..., row, column] = value
-
-
-def _spread(unit: TireWheelUnit) -> float:
-    """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
-    half = unit.contact_half_angle
-    return float(cos_sin(half)[1]) / half if half else 1.0
 
 
 @lru_cache(maxsize=256)
