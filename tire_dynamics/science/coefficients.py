@@ -126,8 +126,8 @@ def contact_patch_factor(unit: TireWheelUnit, n: ArrayLike) -> FloatArray:
     -------
     ndarray, the shape of n
         With the same bits on every machine. s_1 = 1: a pressure that is even over the patch, and whose vertical
-        resultant is the load, drives n = 1 with the whole load. s_0 = phi_c/sin(phi_c). The mean over the patch of a harmonic's
-        displacement, weighed as the pressure is, has the same factor, so that the contact gives what it takes.
+        resultant is the load, drives n = 1 with the whole load. s_0 = phi_c/sin(phi_c). The mean over the patch of a
+        harmonic's displacement, weighed as the pressure is, has the same factor: the contact gives what it takes.
     """
     numbers = np.asarray(n, dtype=np.float64)
     half = unit.contact_half_angle
