@@ -1,24 +1,24 @@
 """The tire on the road through time: steps that are exact but for the contact force, which is linear over each.
 
 Over a step of length h the contact force is F(tau) = a (1 - tau) + b tau, 0 <= tau <= 1, and need not be what it was at
-the end of the step before. Under such a force the linear system of ``contact`` is carried exactly. The residual spring is
-obeyed at the step's end and in the mean over it, and both as complementarity, for the contact can only press:
+the end of the step before. Under such a force the linear system of ``contact`` is carried exactly. The residual spring
+is obeyed at the step's end and in the mean over it, and both as complementarity, for the contact can only press:
 
     0 <= b  and  b/k - delta(h) >= 0,  one of them 0;
     0 <= a  and  (a + b)/(2 k) - mean(delta) >= 0,  one of them 0.
 
 That is the discontinuous Galerkin method of degree 1 for the spring, the rest being exact. It is of third order where
-contact lasts. Without damping the energy, with k delta^2/2 of the spring while delta > 0, never grows but by what the road
-does, at any step length: the four cases of the two conditions give
+contact lasts. Without damping the energy, with k delta^2/2 of the spring while delta > 0, never grows but by what the
+road does, at any step length: the four cases of the two conditions give
 
     int F delta' dt - [k delta^2/2] = (a - k delta(0))^2/(2 k) >= 0    (contact before and after; else likewise),
 
 so that motions which the step is too long for lose energy in the contact, and none gain. Where one patch loses or finds
 the road, the moment is located inside the step (:meth:`ContactStepper._parts`), lest the order fall to one.
 
-The state is kept as what it differs from the steady state under the static load at the present speed: at rest and on a
-flat road everything that is computed is zero, and not a bit moves. docs/model.md, section 11, derives all of this. It is
-the reference of the compiled loop, not the loop.
+The state is kept as what it differs from the steady state under the static load at the present speed: at rest and on
+a flat road everything that is computed is zero, and not a bit moves. docs/model.md, section 11, derives all of this. It
+is the reference of the compiled loop, not the loop.
 """
 
 from __future__ import annotations
@@ -367,7 +367,11 @@ class ContactStepper:
         return self._contact_of(self.state) + _seen(self.spin.seen, self.own) + self.spin.lift
 
     def step(
-        self, length: float, road: ArrayLike, mean_road: ArrayLike | None = None, traction: tuple[float, float] = (0.0, 0.0)
+        self,
+        length: float,
+        road: ArrayLike,
+        mean_road: ArrayLike | None = None,
+        traction: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Go on by a step.
 
@@ -409,16 +413,13 @@ class ContactStepper:
 
     def _driven(self, table: _Table, forces: FloatArray, traction: tuple[float, float]) -> FloatArray:
         """n = 1 at the end, of forces [a, b] beyond the static ones, (2, P)."""
-        n = self._one.states
         a, b = forces.sum(axis=1)
         across = -forces @ self.points.tangents
         inputs = np.array([a, across[0], traction[0], self.spin.weight])
         changes = np.array([b - a, across[1] - across[0], traction[1] - traction[0], 0.0])
         return np.asarray(np.concatenate([self.state, inputs, changes]) @ table.one)
 
-    def _forces(
-        self, length: float, end: FloatArray, mean: FloatArray, traction: tuple[float, float]
-    ) -> FloatArray:
+    def _forces(self, length: float, end: FloatArray, mean: FloatArray, traction: tuple[float, float]) -> FloatArray:
         """[a, b] beyond the static forces, shape (2, P): the complementarity problem of the module's notes."""
         table = self._table(length)
         at_end, in_mean = self._free(table, end, mean, traction, length)
@@ -482,7 +483,7 @@ class ContactStepper:
         for part in range(MOST_PARTS):
 
             def trial(t: float, touching: bool = touching, done: float = done) -> tuple[FloatArray, float]:
-                """Forces of a part from ``done`` to t, and how far beyond the loss or the find of contact its end is."""
+                """Forces of a part from ``done`` to t; how far beyond the loss or the find of contact its end is."""
                 h, pulls = (t - done) * length, (traction_at(done), traction_at(t))
                 if touching:
                     forces = self._forces(h, height(t), between(done, t), pulls)
@@ -491,7 +492,9 @@ class ContactStepper:
                     return forces, float(-(delta + self.static / self.points.stiffness)[0])
                 forces = np.stack([bare, bare])
                 free, _ = self._free(self._table(h), height(t), between(done, t), pulls, h)
-                return forces, float((free + self._table(h).end @ forces.reshape(-1) + self.static / self.points.stiffness)[0])
+                return forces, float(
+                    (free + self._table(h).end @ forces.reshape(-1) + self.static / self.points.stiffness)[0]
+                )
 
             t = 1.0
             forces, beyond = trial(t)
@@ -531,7 +534,9 @@ def _seen(seen: ComplexArray, own: ComplexArray) -> FloatArray:
     return np.asarray(np.tensordot(seen, own, axes=2).real)
 
 
-def _enclosed(trial: Callable[[float], tuple[FloatArray, float]], start: float, f_start: float, f_end: float) -> tuple[float, FloatArray]:
+def _enclosed(
+    trial: Callable[[float], tuple[FloatArray, float]], start: float, f_start: float, f_end: float
+) -> tuple[float, FloatArray]:
     """Where trial()[1] changes its sign between start and 1, by the Illinois method, and the forces until there."""
     low, high, f_low, f_high = start, 1.0, f_start, f_end
     side = 0
@@ -558,8 +563,8 @@ def _enclosed(trial: Callable[[float], tuple[FloatArray, float]], start: float, 
 def _complementary(matrix: FloatArray, right: FloatArray, least: FloatArray) -> FloatArray:
     """x >= least with y = matrix x - right >= 0 and one of the two bounds met in every row.
 
-    By block pivoting, and Murty's rule of the least index when that has gone on for long (Murty, *Linear Complementarity*,
-    1988): it ends for any matrix whose principal minors are positive, as those of a contact are.
+    By block pivoting, and Murty's rule of the least index when that has gone on for long (Murty, *Linear
+    Complementarity*, 1988): it ends for any matrix whose principal minors are positive, as those of a contact are.
     """
     size = len(right)
     active = np.ones(size, dtype=np.bool_)

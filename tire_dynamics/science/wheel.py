@@ -554,7 +554,14 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
     return T
 
 
-def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloquetResult:
+def stability(
+    unit: TireWheelUnit,
+    speed: float,
+    model: Model = "inextensional",
+    *,
+    contact: bool = False,
+    n_max: int = 30,
+) -> FloquetResult:
     """Floquet stability at a constant speed, of a uniform unit in closed form.
 
     Parameters
@@ -563,6 +570,10 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
     speed : float
         Spin Omega [rad/s], either sign. At standstill there is no period; the verdict comes from the exponents.
     model : {"inextensional", "complete"}
+    contact : bool
+        On the road, without lift-off (:func:`.contact.stability`), and not under a load that is given.
+    n_max : int
+        Highest belt harmonic on the road; under a given load only n = 1 reaches the wheel.
 
     Returns
     -------
@@ -570,8 +581,12 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
         multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega). Of a unit
         whose sidewall is not uniform what :func:`.nonuniform.stability` says.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.stability(unit, speed, model, n_max)
     if not unit.is_uniform:
-        from . import nonuniform  # which builds on this module
+        from . import nonuniform  # and this one
 
         return nonuniform.stability(unit, nonuniform.Nonuniformity.of(unit), speed, model)
     F = fixed_frame_matrix(unit, speed, model)
@@ -598,7 +613,9 @@ def _is_unstable(unit: TireWheelUnit, speed: float, model: Model) -> bool:
 
 
 @lru_cache(maxsize=256)
-def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
+def critical_speed(
+    unit: TireWheelUnit, model: Model = "inextensional", *, contact: bool = False, n_max: int = 30
+) -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
 
     Of a unit that is not uniform it is its mean's: :func:`.nonuniform.tongue_tips` has what comes beside.
@@ -607,6 +624,8 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     ----------
     unit : TireWheelUnit
     model : {"inextensional", "complete"}
+    contact, n_max
+        As of :func:`stability`; on the road it is :func:`.contact.critical_speed`.
 
     Notes
     -----
@@ -615,6 +634,10 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     matrix pencil, so none is missed. Between two of them the verdict cannot change; it is read in the middle
     of each interval, and the crossing is then refined on the spectral abscissa.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.critical_speed(unit, model, n_max)
     return next((speed for speed, lost in crossings(unit, model) if lost), None)
 
 
