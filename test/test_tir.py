@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, wheel
+from tire_dynamics import TireWheelUnit, ring, wheel
 from tire_dynamics.doors.cli import main
 from tire_dynamics.science.coefficients import coefficients
 from tire_dynamics.science.tir_file import OPEN_FIELDS, read_tir, unit_from_tir
@@ -100,6 +100,29 @@ def test_the_file_gets_its_frequencies_back(tmp_path):
     # The ring that turns against the wheel is the tangential part of n = 0, less the paper's p_0/a: see docs/model.md.
     C_0 = coefficients(unit, 0).tangential - unit.inflation_pressure / unit.radius / unit.surface_density
     assert math.sqrt(C_0) / (2.0 * math.pi) == pytest.approx(58.95, rel=1e-12)
+
+
+def test_vertical_stiffness_comes_back_as_force_over_displacement(tmp_path):
+    """In the file's units; whatever n_max is, the residual spring makes up for what the belt does not give."""
+    text = changed(LENGTH="'mm'", UNLOADED_RADIUS=313.5, WIDTH=205, INFLPRES=0.22, NOMPRES=0.2, BELT_IYY=0.5698e6)
+    path = written(tmp_path, text + "[VERTICAL]\nVERTICAL_STIFFNESS = 190.0\n")
+    unit = TireWheelUnit.from_tir(path, **GIVEN)
+    assert unit.vertical_stiffness == 190e3
+    for n_max in (1, 10, 30, 100):
+        k_c = wheel.residual_stiffness(unit, n_max)
+        numbers = range(2, n_max + 1)
+        psi = np.array([ring.CONTACT_ANGLE])
+        belt = 0.0 if n_max == 1 else -ring.point_force_response(unit, 0.0, -1.0, 0.0, psi, numbers=numbers)[0][0]
+        assert 1.0 / (1.0 / k_c + 1.0 / unit.sidewall_stiffness + belt) == pytest.approx(190e3, rel=1e-9)
+        assert ring.static_stiffness(unit, n_max) == pytest.approx(190e3, rel=1e-12)
+    assert TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN).vertical_stiffness == 0.0
+
+
+def test_vertical_stiffness_above_the_tires_own(tmp_path):
+    path = written(tmp_path, KNOWN + "[VERTICAL]\nVERTICAL_STIFFNESS = 900000\n")
+    own = ring.static_stiffness(TireWheelUnit.from_tir(path, **GIVEN, vertical_stiffness=0.0), 100)
+    words = refusal(path)
+    assert "vertical_stiffness is 900000.0" in words and f"{own:.10g}" in words and "contact_half_angle" in words
 
 
 sizes = st.floats(0.0, 1.0)
@@ -382,7 +405,7 @@ def test_the_yaml_is_a_unit_and_marks_what_is_assumed(tmp_path, capsys):
     for line, (name, source) in zip(fields, sources.items(), strict=True):
         assert line.startswith(f"{name}: ") and line.endswith(f"{source.reason}")
         assert ("# assumed: " in line) == (source.kind == "assumed") == (f"  {name} " in err)
-    assert out == "" and "7 fields from the file, 2 given, 16 assumed" in err
+    assert out == "" and "7 fields from the file, 2 given, 19 assumed" in err
     assert all(f"note: {note}" in err for note in notes) and str(tmp_path) not in output.read_text()
 
 

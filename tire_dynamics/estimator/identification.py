@@ -19,7 +19,7 @@ from scipy import interpolate, linalg, optimize, signal
 from ..science import wheel
 from ..science.spectra import Spectra, Transfer
 from ..science.uncertainty import value_of, with_values
-from ..science.unit import TURNING, TireWheelUnit
+from ..science.unit import ROAD, TURNING, TireWheelUnit
 from .simulate import simulate
 
 __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recording", "Seen", "identify"]
@@ -45,7 +45,8 @@ UNSEEN: Final[Mapping[str, str]] = {
     "radius": _ONLY_MASS,
     "width": _ONLY_MASS,
     "thickness": _ONLY_MASS,
-    "contact_half_angle": "it does no more than scale the load by sin(phi_c)/phi_c",
+    "contact_half_angle": "the whole load reaches n = 1, however long the patch is",
+    **dict.fromkeys(ROAD, "it matters on the road alone, and what is fitted is the response to a load"),
     **dict.fromkeys(TURNING, "it turns with the tire, and what is fitted is the response of the mean tire"),
     "sidewall_damping": "it is a choice, not a number; compare the noise that two fits leave",
 }

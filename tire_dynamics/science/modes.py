@@ -24,9 +24,16 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .coefficients import Model, coefficients, constants, mode_damping, speed_polynomials, twist
+from .coefficients import (
+    Model,
+    coefficients,
+    constants,
+    contact_patch_factor,
+    mode_damping,
+    speed_polynomials,
+    twist,
+)
 from .eigensystem import eigensystems
-from .elementary import cos_sin
 from .stepping import Steps
 from .unit import TireWheelUnit
 
@@ -70,8 +77,7 @@ class RingModes:
             raise ValueError(f"numbers is {numbers!r}; model {model!r} needs integers >= {lowest}")
         self.damping = mode_damping(unit, self.numbers, "complete" if model == "complete" else "inextensional")
         modal_mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(self.numbers == 0, 2.0, 1.0)
-        patch = self.numbers * unit.contact_half_angle
-        spread = np.where(patch == 0.0, 1.0, cos_sin(patch)[1] / np.where(patch == 0.0, 1.0, patch))  # section 4
+        spread = contact_patch_factor(unit, self.numbers)
         if angle == CONTACT_ANGLE:  # exactly (-i)^n
             turned = np.array([1.0, -1.0j, -1.0, 1.0j])[np.mod(self.numbers, 4.0).astype(int)]
         else:

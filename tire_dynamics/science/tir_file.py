@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
 from typing import Any, Final, Literal, NamedTuple
 
-from .unit import TURNING, TireWheelUnit
+from .unit import ROAD, TURNING, TireWheelUnit
 
 __all__ = ["OPEN_FIELDS", "Entry", "Source", "TirUnit", "read_tir", "unit_from_tir"]
 
@@ -23,6 +23,7 @@ OPEN_FIELDS: Final = (
     *("bending_stiffness", "membrane_stiffness", "width", "thickness", "inflation_pressure"),
     *("zeta_s", "zeta_n", "contact_half_angle", "sidewall_damping"),
     *("longitudinal_stiffness", "longitudinal_damping_ratio", "longitudinal_mass"),
+    *ROAD,
     *TURNING,
 )
 """The fields that one may give beside the file: what it does not hold, or holds of another thing."""
@@ -199,6 +200,7 @@ _KEYS: Final = {
     "FREQ_WINDUP": _Key("", "frequency", "Hz", 1.0, 1000.0),
     "DAMP_LONG": _Key("", "ratio", "", 0.0, 1.0),
     "WIDTH": _Key("DIMENSION", "length", "m", 0.01, 2.0),
+    "VERTICAL_STIFFNESS": _Key("VERTICAL", "stiffness", "N/m", 1e3, 1e8),
     "UNLOADED_RADIUS": _Key("DIMENSION", "length", "m", 0.05, 3.0),
     "MASS": _Key("INERTIA", "mass", "kg", 0.05, 1e4),
     **dict.fromkeys(("INFLPRES", "IP", "NOMPRES", "IP_NOM"), _Key("", "pressure", "Pa", 1e4, 5e6)),
@@ -220,6 +222,7 @@ class _File:
             "mass": mass,
             "inertia": mass * length**2,
             "frequency": 1.0 / time,
+            "stiffness": force / length,
             "pressure": self._unit("PRESSURE", force / length**2),
             "ratio": 1.0,
         }
@@ -288,7 +291,8 @@ def unit_from_tir(
     ----------
     path : path
         As of :func:`read_tir`. Of its numbers, BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and DAMP_LONG are needed,
-        WIDTH and the inflation pressure (INFLPRES, else IP, NOMPRES or IP_NOM) are used where they are.
+        WIDTH, the inflation pressure (INFLPRES, else IP, NOMPRES or IP_NOM) and VERTICAL_STIFFNESS are used where
+        they are.
     wheel_mass : float
         What moves with the wheel, without the belt, M [kg]: no property file knows it.
     suspension_stiffness : float
@@ -373,6 +377,13 @@ def unit_from_tir(
     put("longitudinal_stiffness", _TABLE_1.longitudinal_stiffness, "assumed", "the default, a wheel that is held")
     put("longitudinal_damping_ratio", _TABLE_1.longitudinal_damping_ratio, "assumed", "the default")
     put("longitudinal_mass", _TABLE_1.longitudinal_mass, "assumed", "the default, wheel_mass")
+    vertical = None if "vertical_stiffness" in values else file.number("VERTICAL_STIFFNESS")
+    if vertical is None:
+        put("vertical_stiffness", 0.0, "assumed", "a rigid tread, VERTICAL_STIFFNESS being absent")
+    else:
+        put("vertical_stiffness", vertical, "file", "VERTICAL_STIFFNESS")
+    put("residual_damping", _TABLE_1.residual_damping, "assumed", "the default; the sidewall damps")
+    put("sprung_mass", _TABLE_1.sprung_mass, "assumed", "the default, a body that is held")
     for name in TURNING:
         put(name, getattr(_TABLE_1, name), "assumed", "the default, a tire that is the same all around")
 
@@ -380,7 +391,8 @@ def unit_from_tir(
     try:
         unit = TireWheelUnit.from_mapping({name: values[name] for name in names})
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        hint = "; give vertical_stiffness or a longer contact_half_angle" * ("the tire's own" in str(error))
+        raise ValueError(f"{path}: {error}{hint}") from None
     return TirUnit(unit, {name: sources[name] for name in names}, tuple(_notes(file, mass)))
 
 
