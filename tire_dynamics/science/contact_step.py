@@ -322,7 +322,7 @@ class ContactStepper:
         growth, first, second, third = phi(spin.exponents * h)
         into_a, into_b = h * (first - second), h * second
         mean_a, mean_b = h * (second - third), h * third
-        one = self._one.at(self.speed).transition(h)
+        one = self._one.transitions(np.array([h]), np.array([self.speed]))[0]
         start, change = one[n : n + 4], one[n + 4 :]
         end, mean = np.empty((2, len(self.static), 2, len(self.static)))
         end_pulled, mean_pulled = np.empty((2, len(self.static), 2))
