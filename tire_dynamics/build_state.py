@@ -22,6 +22,7 @@ __all__ = ["CORE", "cython_suits", "how_to_compile", "is_compiled"]
 CORE = (
     "tire_dynamics.science.elementary",
     "tire_dynamics.science.eigensystem",
+    "tire_dynamics.science.mode_series",
     "tire_dynamics.estimator.schedule",
     "tire_dynamics.estimator.motion",
     "tire_dynamics.estimator.belt",

@@ -120,12 +120,12 @@ class ExactStepper:
 
 
 class Steps:
-    """The steps between samples: their lengths [s], and the speed [rad/s] that is held over each.
+    """The steps between samples: their lengths [s], and the speeds [rad/s] at the samples.
 
     Parameters
     ----------
     time, speed : ndarray, shape (N,)
-        Ascending times, and the speed at them, linear in between; the middle value is held.
+        Ascending times, and the speed at them, linear in between.
     """
 
     def __init__(self, time: FloatArray, speed: FloatArray) -> None:
@@ -136,8 +136,7 @@ class Steps:
             # a regular grid is one whose times are regular but for their own rounding
             if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(time).max()):
                 self.lengths = np.full(self.count, mean)
-        self.speeds = 0.5 * (speed[:-1] + speed[1:])
-        self.first_speed = float(speed[0])
+        self.speeds = speed
 
 
 def _doublings(length: float, limit: float) -> int:
