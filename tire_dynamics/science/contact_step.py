@@ -44,7 +44,7 @@ ComplexArray = NDArray[np.complex128]
 
 MOST_PARTS: Final = 4  # of a step in which contact is lost and found
 SHARP: Final = 1e-9  # of the step: how well the moment is located
-EXACT: Final = 1e-12  # [m]: a gap or a compression that is none; a force of a millionth of a newton
+EXACT: Final = 1e-7  # [N]: a force that is none
 MOST_TRIALS: Final = 30
 
 
@@ -137,7 +137,15 @@ def _calibrated(compliance: FloatArray, relative: FloatArray, stiffness: float) 
 
 
 def phi(x: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
-    """exp(x) and phi_k(x) = sum_j x^j/(j + k)!, k = 1, 2, 3, without cancellation: small ones from phi_3 up.
+    """exp(x) and phi_k(x) = sum_j x^j/(j + k)!, k = 1, 2, 3, without cancellation.
+
+    Parameters
+    ----------
+    x : ndarray of complex
+
+    Returns
+    -------
+    exponential, first, second, third : ndarray of complex, the shape of x
 
     Notes
     -----
@@ -391,7 +399,8 @@ class ContactStepper:
         if len(self.force) == 1 and math.isfinite(self.points.stiffness[0]):
             self._parts(length, end, mean, traction)
         else:
-            self._advance(length, self._forces(length, end, mean, traction), end, traction)
+            forces, _ = self._forces(length, end, mean, traction)
+            self._advance(length, forces, end, traction)
 
     def _free(
         self, table: _Table, end: FloatArray, mean: FloatArray, traction: tuple[float, float], length: float
@@ -419,8 +428,10 @@ class ContactStepper:
         changes = np.array([b - a, across[1] - across[0], traction[1] - traction[0], 0.0])
         return np.asarray(np.concatenate([self.state, inputs, changes]) @ table.one)
 
-    def _forces(self, length: float, end: FloatArray, mean: FloatArray, traction: tuple[float, float]) -> FloatArray:
-        """[a, b] beyond the static forces, shape (2, P): the complementarity problem of the module's notes."""
+    def _forces(
+        self, length: float, end: FloatArray, mean: FloatArray, traction: tuple[float, float]
+    ) -> tuple[FloatArray, FloatArray]:
+        """[a, b] beyond the static forces, (2, P): of the complementarity problem; if the contact could pull, too."""
         table = self._table(length)
         at_end, in_mean = self._free(table, end, mean, traction, length)
         P = len(self.force)
@@ -440,7 +451,10 @@ class ContactStepper:
             )
         matrix = np.concatenate([means, ends])
         right = np.concatenate([in_mean, at_end])
-        return _complementary(matrix, right, -np.concatenate([self.static] * 2)).reshape(2, P)
+        least = -np.concatenate([self.static] * 2)
+        lasting = np.linalg.solve(matrix, right)
+        forces = lasting if (lasting >= least).all() else _complementary(matrix, right, least)
+        return forces.reshape(2, P), lasting.reshape(2, P)
 
     def _advance(self, length: float, forces: FloatArray, end: FloatArray, traction: tuple[float, float]) -> None:
         table = self._table(length)
@@ -462,9 +476,11 @@ class ContactStepper:
     def _parts(self, length: float, end: FloatArray, mean: FloatArray, traction: tuple[float, float]) -> None:
         """A step of one patch, cut where contact is lost or found.
 
-        The road is the parabola with the step's ends and mean. In contact b of a part that ends at t tells whether the
-        contact lasts until t; without contact delta(t) tells whether it has begun. Their roots are enclosed.
+        The road is the parabola with the step's ends and mean. In contact the force b at the end of a part that ends at
+        t tells whether contact lasts until t; without contact k delta + c delta' at t tells whether it has begun. Their
+        roots are enclosed.
         """
+        k, c = float(self.points.stiffness[0]), float(self.points.damping[0])
         done, bare = 0.0, -self.static
         first, pull = self._road.copy(), traction
         curve = 6.0 * (mean - 0.5 * (first + end))  # r = first + (end - first) t + curve t (1 - t)
@@ -486,15 +502,15 @@ class ContactStepper:
                 """Forces of a part from ``done`` to t; how far beyond the loss or the find of contact its end is."""
                 h, pulls = (t - done) * length, (traction_at(done), traction_at(t))
                 if touching:
-                    forces = self._forces(h, height(t), between(done, t), pulls)
-                    free, _ = self._free(self._table(h), height(t), between(done, t), pulls, h)
-                    delta = free + self._table(h).end @ forces.reshape(-1)
-                    return forces, float(-(delta + self.static / self.points.stiffness)[0])
+                    forces, lasting = self._forces(h, height(t), between(done, t), pulls)
+                    return forces, -float(lasting[1, 0] + self.static[0])
                 forces = np.stack([bare, bare])
                 free, _ = self._free(self._table(h), height(t), between(done, t), pulls, h)
-                return forces, float(
-                    (free + self._table(h).end @ forces.reshape(-1) + self.static / self.points.stiffness)[0]
-                )
+                pressed = k * float(free[0] + (self._table(h).end @ forces.reshape(-1))[0]) + float(self.static[0])
+                if c:
+                    slope = float((end - first + curve * (1.0 - 2.0 * t))[0]) / length
+                    pressed += c * (slope + self._rate(h, forces, pulls))
+                return forces, pressed
 
             t = 1.0
             forces, beyond = trial(t)
@@ -502,7 +518,8 @@ class ContactStepper:
             if cut:
                 t, forces = _enclosed(trial, done, self._gap(touching), beyond)
             elif beyond > 0.0:
-                forces = self._forces((1.0 - done) * length, end, between(done, 1.0), (traction_at(done), pull[1]))
+                pulls = traction_at(done), pull[1]
+                forces, _ = self._forces((1.0 - done) * length, end, between(done, 1.0), pulls)
             if t > done:
                 self._advance((t - done) * length, forces, height(t), (traction_at(done), traction_at(t)))
             if not cut:
@@ -512,9 +529,19 @@ class ContactStepper:
             self.force[:] = 0.0
 
     def _gap(self, touching: bool) -> float:
-        """How far before the loss or the find of contact the start is, <= 0 [m]."""
-        delta = float((self._before + self.static / self.points.stiffness)[0])
-        return min(0.0, -delta if touching else delta)
+        """How far before the loss or the find of contact the start is, <= 0 [N]."""
+        if touching:
+            return -max(0.0, float(self.force[0]))
+        return min(0.0, float((self.points.stiffness * self._before + self.static)[0]))
+
+    def _rate(self, length: float, forces: FloatArray, traction: tuple[float, float]) -> float:
+        """u_c' at the end of a part [m/s]."""
+        table = self._table(length)
+        own = table.growth * self.own + forces[0, 0] * table.from_a[0] + forces[1, 0] * table.from_b[0]
+        own = own + table.pulled_a * traction[0] + table.pulled_b * traction[1]
+        slope = self.spin.exponents * own + self.spin.driven[0] * forces[1, 0] + self.spin.pulled * traction[1]
+        state = self._driven(table, forces, traction)
+        return float(_seen(self.spin.seen, slope)[0] - state[1])
 
     # -- what is seen ---------------------------------------------------------------------------------------------
 
