@@ -47,8 +47,8 @@ def draw(bode: Bode) -> Figure:
     fixed += rf"$m$ = {unit.ring_mass:.4g} kg, $k_1$ = {unit.sidewall_stiffness / 1e6:.4g} MN/m, "
     fixed += rf"$k_s$ = {unit.suspension_stiffness / 1e3:.4g} kN/m"
     model = f"{bode.model} model, {unit.sidewall_damping} damping of the sidewall"
-    given = "road's height" if bode.contact else "load"
-    figure.suptitle(f"Axle force per {given} and traction that vary as a sine; {model}\n{fixed}", fontsize=8.5)
+    given = "road height" if bode.contact else "load"
+    figure.suptitle(f"Axle force per {given} and traction, sines; {model}\n{fixed}", fontsize=8.5)
     handles = [
         Line2D([], [], label=f"{speed:g} rpm{', unstable' if verdict == 'unstable' else ''}", **line)
         for speed, verdict, line in zip(bode.speeds, bode.verdicts, lines, strict=True)
@@ -89,7 +89,9 @@ def _panel(ratio: Axes, phase: Axes, bode: Bode, output: int, entry: int, lines:
         ratio.set_yscale("log")
         low, high = 90.0 * np.floor(min(extremes) / 90.0), 90.0 * np.ceil(max(extremes) / 90.0)
         phase.set_ylim(low - 15.0, max(high, low + 90.0) + 15.0)
-        phase.yaxis.set_major_locator(MultipleLocator(180.0 if high - low > 360.0 else 90.0))
+        phase.yaxis.set_major_locator(
+            MultipleLocator(720.0 if high - low > 1440.0 else 180.0 if high - low > 360.0 else 90.0)
+        )
 
 
 def _degrees(H: Any) -> Any:
