@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .elementary import cos_sin
 from .unit import TireWheelUnit
 
 __all__ = [
@@ -14,9 +16,11 @@ __all__ = [
     "Model",
     "coefficients",
     "constants",
+    "contact_patch_factor",
     "formula",
     "mode_damping",
     "rest_frequency",
+    "static_compliance",
     "twist",
 ]
 
@@ -103,3 +107,54 @@ def mode_damping(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensiona
     number = np.asarray(n)
     zeta = np.where(number == 1, unit.zeta_1, unit.zeta_n)
     return np.asarray(2.0 * zeta * rest_frequency(unit, number, model))
+
+
+def contact_patch_factor(unit: TireWheelUnit, n: ArrayLike) -> FloatArray:
+    """s_n = sin(n phi_c)/(n sin phi_c): what harmonic n feels of a contact force that is spread over the patch.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+        Its ``contact_half_angle`` is phi_c; 0 is a point, for which every factor is 1.
+    n : array_like of int
+        Circumferential wavenumbers, >= 0.
+
+    Returns
+    -------
+    ndarray, the shape of n
+        With the same bits on every machine. s_1 = 1: a pressure that is even over the patch, and whose vertical
+        resultant is the load, drives n = 1 with the whole load. s_0 = phi_c/sin(phi_c). The mean over the patch of a
+        harmonic's displacement, weighed as the pressure is, has the same factor, so that the contact gives what it
+        takes.
+    """
+    numbers = np.asarray(n, dtype=np.float64)
+    half = unit.contact_half_angle
+    if half == 0.0:
+        return np.ones_like(numbers)
+    zero = numbers == 0.0
+    sines = np.where(zero, half, cos_sin(numbers * half)[1])
+    factors: FloatArray = sines / np.where(zero, 1.0, numbers) / float(cos_sin(half)[1])
+    return np.where(numbers == 1.0, 1.0, factors)
+
+
+def static_compliance(unit: TireWheelUnit, n_max: int, model: Model = "inextensional") -> float:
+    """How far the contact gives way under 1 N, mean over the patch, at rest with the wheel held [m/N].
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n_max : int
+        Highest wavenumber, >= 1.
+    model : {"inextensional", "complete"}
+        Of the inextensional model 1/k_1 + sum_{n=2}^{n_max} s_n^2 C_n/(pi a b rho h (B_n C_n - A_n^2)), which has the
+        complete model's deflection by n >= 2, (4.5); the complete one has n = 0 and its own n = 1 beside.
+    """
+    mass = math.pi * unit.radius * unit.width * unit.surface_density
+    numbers = np.arange(0 if model == "complete" else 2, n_max + 1)
+    _, B, C, determinant = coefficients(unit, numbers)
+    factors = contact_patch_factor(unit, numbers)
+    each = factors * factors * C / (mass * determinant)
+    total = 0.0 if model == "complete" else 1.0 / unit.sidewall_stiffness
+    for k, n in enumerate(numbers.tolist()):  # in order, for the same bits everywhere
+        total += float(each[k]) if n else float(factors[0] * factors[0]) / (2.0 * mass * float(B[0]))
+    return total
