@@ -282,7 +282,7 @@ class TireWheelUnit:
     def from_tir(
         cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
     ) -> TireWheelUnit:
-        """A unit with the rigid ring of a property file, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
+        """A unit with a property file's rigid ring, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
         from .tir_unit import unit_from_tir  # which builds on this module
 
         whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
