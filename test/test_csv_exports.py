@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 import json
+import shlex
 
 import numpy as np
 import pytest
 from test_csv_import import do_import, loads_of, speeds_of  # noqa: F401
+from test_readme import blocks
 
+from tire_dynamics import TireWheelUnit
 from tire_dynamics.doors import plausibility
 from tire_dynamics.doors.bag import BagReader
 from tire_dynamics.doors.cli import main
 from tire_dynamics.doors.csv_import import RECORD
 from tire_dynamics.doors.csv_table import read_table
 from tire_dynamics.doors.errors import InputError
+from tire_dynamics.doors.messages import decode_wrench
 
 N = 100
 TIME = np.arange(N) / 100.0  # [s]
@@ -103,58 +107,51 @@ def trucksim():
 
 
 EXPORTS = {
-    "motec": (motec, "left=Wheel_Speed_FL right=Wheel_Speed_FR", "left=Tyre_Load_FL right=Tyre_Load_FR", True, False),
-    "aim": (aim, "left=Speed_FL right=Speed_FR", "VerticalAcc", False, True),
-    "racecapture": (racecapture, "left=WheelFL right=WheelFR", "AccelZ", True, True),
-    "plotjuggler": (
-        plotjuggler,
-        "left=/joint_states/fl/velocity right=/joint_states/fr/velocity",
-        "left=/fl/load/force/z right=/fr/load/force/z",
-        False,
-        False,
-    ),
-    "rosbag": (
-        rosbag, "left=field.velocity0 right=field.velocity1", "left=field.load0 right=field.load1", False, False
-    ),
-    "trucksim": (trucksim, "left=AVy_L1 right=AVy_R1", "left=Fz_L1 right=Fz_R1", False, False),
-}  # fmt: skip
+    "motec": motec,
+    "aim": aim,
+    "racecapture": racecapture,
+    "plotjuggler": plotjuggler,
+    "rosbag": rosbag,
+    "trucksim": trucksim,
+}
 
 
-def arguments(speeds, loads, rolling, estimated, file="log.csv"):
-    """What a user types after `tire-dynamics`; names with blanks have underscores in the table above."""
-    words = [
-        "import",
-        "--speed",
-        file,
-        "--speed-columns",
-        *(word.replace("_S", " S").replace("_F", " F") for word in speeds.split()),
-    ]
-    words += [
-        "--load",
-        file,
-        "--load-columns",
-        *(word.replace("_L", " L").replace("_F", " F") for word in loads.split()),
-    ]
-    words += ["--rolling-radius", f"{RADIUS}"] if rolling else []
-    return words + (["--corner-mass", f"{MASS}"] if estimated else [])
+def commands():
+    """Those of the page, by the name of their file."""
+    page = blocks("docs/recordings.md", "Six exports, forces in one command each")
+    words = [shlex.split(block.replace("\\\n", " ")) for _, block in page]
+    assert all(line[:3] == ["tire-dynamics", "import", "--speed"] for line in words)
+    return {line[3].removesuffix(".csv"): line[1:] for line in words}
 
 
-def typed(name):
-    make, speeds, loads, rolling, estimated = EXPORTS[name]
-    words = arguments(speeds, loads, rolling, estimated)
-    return make(), [word.replace(" L1", "_L1").replace(" R1", "_R1") for word in words]
+COMMANDS = commands()
+
+
+@pytest.fixture
+def export(tmp_path, monkeypatch):
+    """Writes one of the files, and a tire."""
+    monkeypatch.chdir(tmp_path)
+    TireWheelUnit.table_1(zeta_s=0.3, sidewall_damping="reaction").to_yaml("tire.yaml")
+
+    def write(name):
+        (tmp_path / f"{name}.csv").write_bytes(EXPORTS[name]().encode())
+        return COMMANDS[name]
+
+    return write
+
+
+def test_the_page_has_a_command_for_each():
+    assert list(COMMANDS) == list(EXPORTS)
 
 
 @pytest.mark.parametrize("name", EXPORTS)
-def test_an_export_becomes_forces_in_one_command(name, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    text, words = typed(name)
-    (tmp_path / "log.csv").write_bytes(text.encode())
-    assert main([*words, "-o", "drive", "--forces", "forces", "--json"]) == 0
+def test_an_export_becomes_forces_in_one_command(name, export, capsys):
+    words = export(name)
+    assert main([*words, "--json"]) == 0
     out, err = capsys.readouterr()
     said = json.loads(out)
     assert said["doubts"] == [] and "left out" not in err and "doubtful" not in err
-    reader = BagReader(tmp_path / "drive")
+    reader = BagReader(said["output"])
     samples = speeds_of(reader)
     every = 2 if name == "racecapture" else 1
     got = [[sample["left"], sample["right"]] for _, sample in samples]
@@ -167,12 +164,13 @@ def test_an_export_becomes_forces_in_one_command(name, tmp_path, monkeypatch, ca
         np.testing.assert_allclose([load for _, load in loads], LOAD[:, 0 if one else k], rtol=1e-7)
         late = (k + 1) * 10**6 if name == "plotjuggler" else 0
         assert [stamp - start - late for stamp, _ in loads] == (10**7 * np.arange(N)).tolist()
-    wrenches = BagReader(tmp_path / "forces").topics
-    assert {"/left/axle_wrench", "/right/axle_wrench"} <= set(wrenches)
+    forces = BagReader(said["forces"])
+    for wheel in ("left", "right"):
+        wrenches = [decode_wrench(data) for *_, data in forces.messages([f"/{wheel}/axle_wrench"])]
+        assert wrenches[-1].fz == pytest.approx(4000.0, rel=0.1)  # the load, whole, but for the wheel's own motion
 
 
-def test_what_was_recognised_is_said(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
+def test_what_was_recognised_is_said(export, capsys):
     for name, parts in {
         "motec": ["names are in line 7", "the speed is in km/h, as its header says", "the load is in kN, as its"],
         "racecapture": [
@@ -184,9 +182,8 @@ def test_what_was_recognised_is_said(tmp_path, monkeypatch, capsys):
         "rosbag": ["times are taken for ns since 1970, 1700000000000000000 being the first"],
         "trucksim": ["names are in line 2", "the speed is in rpm"],
     }.items():
-        text, words = typed(name)
-        (tmp_path / "log.csv").write_bytes(text.encode())
-        assert main([*words, "-o", name]) == 0
+        words = export(name)
+        assert main(words[: words.index("--forces")]) == 0
         said = capsys.readouterr().err
         assert all(part in said for part in parts), (name, said)
 
