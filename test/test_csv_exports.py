@@ -277,6 +277,15 @@ def test_which_column_is_the_time(tmp_path):
     assert other.times.tolist() == [1500 * 10**9] and "the header says that times are in ms" in other.doubts[0]
 
 
+def test_a_name_that_is_not_there_is_looked_for_behind_the_preamble(tmp_path):
+    with pytest.raises(InputError) as error:
+        rows_of(tmp_path, motec(), "Wheel Sped FL")
+    words = str(error.value)
+    assert (
+        "column 'Wheel Sped FL' is not there (did you mean 'Wheel Speed FL'?); the columns are ['Time', 'Dist" in words
+    )
+
+
 def test_time_columns_of_each_file(do_import):  # noqa: F811
     reader = do_import("a,left,right,t1\n9,1,2,5\n", "t2,a,b\n5,3,4\n", "--speed-time-column t1 --load-time-column t2")
     assert [stamp for stamp, _ in speeds_of(reader)] == [5 * 10**9] == [stamp for stamp, _ in loads_of(reader, "left")]

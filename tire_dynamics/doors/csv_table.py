@@ -253,7 +253,7 @@ def _find_header(path: Path, head: Sequence[str], wanted: Sequence[str]) -> _Hea
                 return _Header(number, delimiter, cells)
             if found > most:
                 best, most = _Header(number, delimiter, cells), found
-    likely = best or _likely_header(head, first, delimiters)
+    likely = best or _likely_header(head, first, delimiters, wanted)
     if likely is None:
         begins = head[first].strip() if first < len(head) else ""
         raise InputError(f"{path}: no line has the columns' names; it begins with {begins[:60]!r}")
@@ -264,14 +264,18 @@ def _find_header(path: Path, head: Sequence[str], wanted: Sequence[str]) -> _Hea
     raise InputError(f"{path}: column {name[:60]!r} is not there{hint}; the columns are {str(likely.cells)[:200]}")
 
 
-def _likely_header(head: Sequence[str], first: int, delimiters: Sequence[str]) -> _Header | None:
-    """Of the lines without numbers the one with the most cells."""
-    found = None
+def _likely_header(head: Sequence[str], first: int, delimiters: Sequence[str], wanted: Sequence[str]) -> _Header | None:
+    """Of the lines without numbers the one with the most names that are nearly wanted, else with the most cells."""
+    found, most = None, (0, 1)
     for number, line in enumerate(head[first:], first + 1):
         for delimiter in delimiters:
             cells = _cells(line, delimiter)
-            if len(cells) > 1 and not any(map(_is_number, cells)) and (found is None or len(cells) > len(found.cells)):
-                found = _Header(number, delimiter, cells)
+            if len(cells) < 2 or any(map(_is_number, cells)):
+                continue
+            bare = [_name_and_unit(cell)[0] for cell in cells]
+            score = sum(bool(difflib.get_close_matches(name, bare, 1)) for name in wanted), len(cells)
+            if score > most:
+                found, most = _Header(number, delimiter, cells), score
     return found
 
 

@@ -183,7 +183,9 @@ def estimated(file: TirFile, off: Mapping[str, float] | None = None) -> dict[str
     # A 0 beside a frequency that is not there is that of a tool, of which nothing was filled in.
     if file.number("DAMP_LONG") is None or (not file.number("DAMP_LONG") and "FREQ_LONG" in estimates):
         value, factor = rule("DAMP_LONG"), math.exp(_TENTH * RULES["DAMP_LONG"].spread)
-        estimates["DAMP_LONG"] = Estimate(value, value / factor, value * factor, "what measured rings have")
+        estimates["DAMP_LONG"] = Estimate(
+            value, value / factor, value * factor, f"{_share('DAMP_LONG')} of measured rings"
+        )
     return estimates
 
 
