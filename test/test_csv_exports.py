@@ -364,8 +364,11 @@ def test_doubts(do_import, capsys, names, speed, load, time, options, words):  #
     assert words in reader.metadata[RECORD]["doubts"]
 
 
-def test_nothing_is_said_of_a_sound_drive_or_of_a_few_samples(do_import, capsys):  # noqa: F811
-    text = "t,left,right,a,b\n" + table(np.column_stack([TIME, SPEED, LOAD]))
+@pytest.mark.parametrize(
+    "names", [PLAIN, "t,left (FL),right (FR),a (-),b [raw]", "t [s],left [rad/s],right [rad/s],a [N],b [N]"]
+)
+def test_nothing_is_said_of_a_sound_drive(do_import, capsys, names):  # noqa: F811
+    text = names + "\n" + table(np.column_stack([TIME, SPEED, LOAD]))
     reader = do_import(text, text)
     assert "doubtful" not in capsys.readouterr().err and "doubts" not in reader.metadata[RECORD]
 

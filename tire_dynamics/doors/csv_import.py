@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .answer import answer, printable
-from .csv_table import ROS_TIME_S, TIME_UNITS, Column, Table, read_table, unit_named
+from .csv_table import ROS_TIME_S, TIME_UNITS, Column, Table, is_unit, read_table, unit_named
 from .errors import InputError
 from .plausibility import GRAVITY, Plausibility, acceleration_doubts
 from .progress import progress
@@ -204,7 +204,9 @@ def _unit(option: str | None, table: Table, quantity: str) -> str:
             said.setdefault(unit_named(quantity, column.unit) or column.unit, []).append(column.name)
     name = table.path.name
     known = [unit for unit in said if unit_named(quantity, unit) is not None]
-    foreign = [f"{unit!r} of {', '.join(dict.fromkeys(said[unit]))}" for unit in said if unit not in known]
+    # What stands in brackets may be anything, a wheel's name too.
+    strange = [unit for unit in said if unit not in known and is_unit(unit)]
+    foreign = [f"{unit!r} of {', '.join(dict.fromkeys(said[unit]))}" for unit in strange]
     if foreign:
         table.doubts.append(f"{name}: the header's unit {' and '.join(foreign)} is none of a {quantity} that is known")
     if option is None and len(known) > 1:

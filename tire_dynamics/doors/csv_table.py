@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-__all__ = ["ROS_TIME_S", "TIME_UNITS", "Column", "Table", "read_table", "unit_named"]
+__all__ = ["ROS_TIME_S", "TIME_UNITS", "Column", "Table", "is_unit", "read_table", "unit_named"]
 
 ROS_TIME_S: Final = 2**31  # builtin_interfaces/Time holds an int32 of seconds
 TIME_UNITS: Final = {"s": 9, "ms": 6, "us": 3, "ns": 0}  # decimal places of the unit in ns
@@ -74,6 +74,34 @@ _TIME_NAME = re.compile(
 def unit_named(quantity: str, text: str) -> str | None:
     """The unit of "time", "speed" or "load" that a text is a spelling of."""
     return _UNIT_OF[quantity].get(text.strip().strip("[]()").strip().lower())
+
+
+_OTHERS = (
+    "v",
+    "mv",
+    "a",
+    "ma",
+    "%",
+    "bar",
+    "kpa",
+    "psi",
+    "°c",
+    "degc",
+    "deg",
+    "°",
+    "rad",
+    "m",
+    "mm",
+    "km",
+    "nm",
+    "w",
+    "kw",
+)
+
+
+def is_unit(text: str) -> bool:
+    """Whether a text is a spelling of any unit that is known here."""
+    return text.strip().lower() in _OTHERS or any(unit_named(quantity, text) for quantity in _UNIT_OF)
 
 
 class Column(NamedTuple):
