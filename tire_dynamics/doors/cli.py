@@ -337,6 +337,11 @@ def _declare(commands: _Commands) -> None:
                 " --load imu.csv --load-columns az --load-unit m/s^2 --corner-mass 380 -o drive",
                 "a load estimated from an accelerometer",
             ),
+            (
+                'import --speed log.csv --speed-columns "left=Wheel Speed FL" --rolling-radius 0.31'
+                ' --load log.csv --load-columns "left=Tyre Load FL" -o drive --forces forces --config tire.yaml',
+                "a logger's export, units as it says, and on to forces",
+            ),
         ),
     )
     csv_import.add_arguments(command)
@@ -408,6 +413,11 @@ def _declare(commands: _Commands) -> None:
                 "import-tir tire.tir -o unit.yaml --wheel-mass 12 --suspension-stiffness 3.2e4"
                 " --set sidewall_damping=reaction --set zeta_s=0.3",
                 "for a vehicle",
+            ),
+            (
+                "import-tir pac2002.tir -o unit.yaml --wheel-mass 12 --suspension-stiffness 3.2e4 --estimate"
+                " --key MASS=9.8",
+                "a file without a rigid ring, by rules, its mass known",
             ),
         ),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -276,6 +277,8 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
+        raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
         content = read_yaml(path)
     except OSError as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -309,13 +310,12 @@ class TireWheelUnit:
     def from_tir(
         cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
     ) -> TireWheelUnit:
-        """A unit with the rigid ring of an MF-Tyre/MF-Swift property file.
-
-        Parameters and errors are those of :func:`.tir_file.unit_from_tir`, which also says what is assumed.
-        """
-        from .tir_file import unit_from_tir  # which builds on this module
+        """A unit with a property file's rigid ring, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
+        from .tir_unit import unit_from_tir  # which builds on this module
 
         whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
+        for doubt in whole.doubts:
+            warnings.warn(f"{path}: {doubt}", stacklevel=2)
         return cls.from_mapping(whole.unit.to_mapping())
 
     def to_mapping(self) -> dict[str, Any]:
