@@ -33,7 +33,6 @@ MAY_ALSO_USE = {
     "science/tir_file.py": {"os", "open"},
     "science/unit.py": {"os", "open"},
     "science/yaml_file.py": {"os", "yaml", "open"},
-    "science/compiled.py": {"numba"},
 }
 
 
