@@ -34,7 +34,6 @@ MAY_ALSO_USE = {
     "science/tir_unit.py": {"os"},
     "science/unit.py": {"os", "open"},
     "science/yaml_file.py": {"os", "yaml", "open"},
-    "science/compiled.py": {"numba"},
 }
 
 
