@@ -55,6 +55,7 @@ def main() -> None:
             for number in range(round(3600 * given.hours)):
                 if number == 60 or number % 3600 == 0 and number:
                     rows.append(row(number / 3600.0, files.count, written + bag.size, begun))
+                    print(f"{rows[-1][0]} hours: {rows[-1][1]} MiB", flush=True)
                 start = BEGIN + number * SECOND
                 for block, some in enumerate(blocks):
                     batch = [(topic, start + after, start + after, data) for topic, after, data in some]
@@ -67,10 +68,10 @@ def main() -> None:
             rows.append(row(given.hours, files.count, written + bag.size, begun))
     print_table(("hours", "resident [MiB]", "files", "written [MB]", "processor [s]"), rows)
     memory = [float(each[1]) for each in rows]
+    rose, left = max(memory) - memory[0], memory[-1] - memory[0]
     print(
-        f"{len(second)} messages a second, {sum(len(data) for _, _, data in second) / 1e6:.2f} MB of data; from the "
-        f"first minute on resident memory rose by {max(memory) - memory[0]:.1f} MiB at the most, "
-        f"{memory[-1] - memory[0]:.1f} in the end"
+        f"{len(second)} messages a second, {sum(len(data) for _, _, data in second) / 1e6:.2f} MB of data\n"
+        f"after the first minute resident memory rose by {rose:.1f} MiB at the most, by {left:.1f} in the end"
     )
     write_json(given.json, "log_memory", {"hours": [float(each[0]) for each in rows], "resident_mib": memory})
 

@@ -6,7 +6,6 @@ import os
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 import fcntl
-import itertools
 import tempfile
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -44,7 +43,12 @@ def drive():
     return folder
 
 
-_domains = itertools.count(os.getpid())
+def _rested(lock: Path) -> float:
+    """When a domain was left; 0 if never. A process that was killed in it is seen by others for some 20 s more."""
+    try:
+        return lock.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
 
 
 @pytest.fixture
@@ -57,14 +61,17 @@ def ros_domain(monkeypatch, tmp_path):
     """
     if find_spec("rclpy") is None:
         pytest.skip("rclpy is not installed: the extra `ros` brings it where there are wheels, else ROS does")
-    for number in itertools.islice(_domains, 101):
-        domain = number % 101 + 1  # not 0, everyone's default; above 101 ports run into Linux's own
+    folder = Path(tempfile.gettempdir())
+    locks = {folder / f"tire_dynamics_domain_{n}.lock": n for n in range(1, 102)}  # 0 is everyone's; then Linux's ports
+    for path in sorted(locks, key=_rested):
         try:
-            lock = open(Path(tempfile.gettempdir()) / f"tire_dynamics_domain_{domain}.lock", "a")
+            lock = open(path, "a")
         except PermissionError:  # another user's
             continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process, however that ends
+            os.utime(path)
+            domain = locks[path]
             break
         except BlockingIOError:
             lock.close()
@@ -75,6 +82,7 @@ def ros_domain(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
     with lock:
         yield domain
+        os.utime(path)
 
 
 @pytest.fixture

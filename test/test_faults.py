@@ -773,8 +773,7 @@ def test_far_too_much_of_everything(rig, ros_domain, tmp_path):
 
 def test_two_nodes_of_the_same_name_are_said(rig):
     with live_node() as node:
-        rig.until(lambda: rig.values().get("log") == "off", "diagnostics")
-        assert rig.level() == OK
+        rig.until(lambda: rig.values().get("log") == "off" and rig.level() == OK, "diagnostics of one node")
         with live_node() as second:
             rig.until(lambda: rig.level() == WARN, "the second node in the diagnostics")
             assert "/tire_dynamics" in rig.status().message

@@ -75,6 +75,31 @@ def shape_basis(psi: ArrayLike, numbers: ArrayLike) -> FloatArray:
     return basis
 
 
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _combine(
+    rows: cython.double[::1],
+    basis: cython.double[::1],
+    shape: cython.double[::1],
+    B: cython.Py_ssize_t,
+    P: cython.Py_ssize_t,
+) -> cython.void:
+    """rows (2, B) times basis (B, P) into shape (2, P), sums over B in order; B is even."""
+    c: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    i: cython.Py_ssize_t
+    x: cython.double
+    y: cython.double
+    for c in range(2):
+        for i in range(P):
+            shape[c * P + i] = 0.0
+        for k in range(0, B, 2):
+            x, y = rows[c * B + k], rows[c * B + k + 1]
+            for i in range(P):
+                shape[c * P + i] = (shape[c * P + i] + x * basis[k * P + i]) + y * basis[(k + 1) * P + i]
+
+
 @cython.cclass
 class BeltMotion:
     """The modes beside n = 1 of W belts through time, under forces that are held between changes.
@@ -133,7 +158,7 @@ class BeltMotion:
         """Change the tires from now on. Positions and velocities go on as they are."""
         if unit == self.modes.unit:
             return
-        states = [self.state_of(wheel) for wheel in range(self.wheels)]
+        states = [self._state_now(wheel) for wheel in range(self.wheels)]
         self._set_modes(RingModes(unit, self.modes.numbers, self.modes.model))
         for wheel, state in enumerate(states):
             self.waiting[wheel] = 0
@@ -145,7 +170,7 @@ class BeltMotion:
         check_wheel(index, self.wheels)
         self.waiting[index] = 0
         self._eigensystem(index, 0.0)
-        self._put(index, np.zeros((self.N, self.K), dtype=np.complex128))
+        self._put(index, np.zeros((2, self.N, self.K)))
 
     def start(self, index: int, speed: float, load: float, traction: float) -> None:
         """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
@@ -156,13 +181,12 @@ class BeltMotion:
         first, M = 4 * index * self.M, self.M
         steady = np.array(self.steady[first : first + 4 * M]).reshape(4, M)
         radial, tangential = -load, -traction
-        own = (steady[0] * radial + steady[2] * tangential) + 1j * (steady[1] * radial + steady[3] * tangential)
-        self._put(index, own.reshape(self.N, self.K))
+        self._put(index, steady[:2] * radial + steady[2:] * tangential)
 
-    def _put(self, wheel: int, own: NDArray[np.complex128]) -> None:
-        first, M = 2 * wheel * self.M, self.M
-        for k, value in enumerate(own.reshape(-1).tolist()):
-            self.own[first + k], self.own[first + M + k] = value.real, value.imag
+    def _put(self, wheel: int, own: FloatArray) -> None:
+        """Coordinates, real and imaginary parts."""
+        for k, value in enumerate(own.reshape(-1).tolist(), 2 * wheel * self.M):
+            self.own[k] = value
 
     def _eigensystem(self, wheel: int, speed: float) -> None:
         self.speed[wheel] = speed
@@ -285,9 +309,10 @@ class BeltMotion:
                 )
 
     def _change_speed_complete(self, wheel: int, speed: float) -> None:
-        state = self.modes.change_speed(self._state(wheel), self.speed[wheel], speed)
+        real, imaginary = self._state(wheel)
+        state = self.modes.change_speed(real + 1j * imaginary, self.speed[wheel], speed)
         self._eigensystem(wheel, speed)
-        self._put(wheel, self._own(wheel, state))
+        self._put(wheel, self._own(wheel, np.stack([state.real, state.imag])))
 
     @cython.cfunc
     @cython.nogil
@@ -330,10 +355,8 @@ class BeltMotion:
         i: cython.Py_ssize_t
         e: cython.Py_ssize_t
         k: cython.Py_ssize_t
-        c: cython.Py_ssize_t
         q: cython.Py_ssize_t = wheel * motion.states + motion.states // 2
         right: cython.Py_ssize_t = 8 * wheel * M
-        amplitude: cython.double
         a: cython.double
         b: cython.double
         x: cython.double
@@ -371,13 +394,7 @@ class BeltMotion:
                 v = -x / self.numbers[i]
             self.rows[2 + i], self.rows[2 + N + i] = x, y
             self.rows[B + 2 + i], self.rows[B + 2 + N + i] = u, v
-        for c in range(2):
-            for i in range(P):
-                self.shape[c * P + i] = 0.0
-            for k in range(B):
-                amplitude = self.rows[c * B + k]
-                for i in range(P):
-                    self.shape[c * P + i] += amplitude * self.basis[k * P + i]
+        _combine(self.rows, self.basis, self.shape, B, P)
 
     # -- what can be read -----------------------------------------------------------------------------------
 
@@ -395,32 +412,40 @@ class BeltMotion:
     def state_of(self, index: int) -> NDArray[np.complex128]:
         """The state x of one belt now, shape (N, K): V, Z, or V_1, V_2, Z_1, Z_2."""
         check_wheel(index, self.wheels)
-        self.take(index)
-        M, own = self.M, np.array(self.own[2 * index * self.M : 2 * (index + 1) * self.M])
-        if self.waiting[index]:
-            self.interval(index, index * self.room, self.shown, 0)
-            own = np.array(self.shown)
-        return self._with_right(index, (own[:M] + 1j * own[M : 2 * M]).reshape(self.N, self.K))
+        real, imaginary = self._state_now(index)
+        return real + 1j * imaginary
 
-    def _state(self, wheel: int) -> NDArray[np.complex128]:
-        own = np.array(self.own[2 * wheel * self.M : 2 * (wheel + 1) * self.M]).reshape(2, self.N, self.K)
-        return self._with_right(wheel, own[0] + 1j * own[1])
+    # Real and imaginary parts along the first axis: NumPy's own complex products may or may not be fused.
 
-    def _with_right(self, wheel: int, own: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        N, K, rows = self.N, self.K, 8 if self.complete else 2
-        right = np.array(self.right[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(rows, N, K)
-        columns = right[0::2] + 1j * right[1::2]  # (row of x, N, K)
-        if not self.complete:
-            columns = np.concatenate([columns, np.ones_like(columns)])
-        state: NDArray[np.complex128] = (columns * own).sum(axis=-1).T
-        return state
+    def _state_now(self, wheel: int) -> FloatArray:
+        """The state x, shape (2, N, K)."""
+        self.take(wheel)
+        if not self.waiting[wheel]:
+            return self._state(wheel)
+        self.interval(wheel, wheel * self.room, self.shown, 0)
+        return self._with_right(wheel, np.array(self.shown).reshape(2, self.N, self.K))
 
-    def _own(self, wheel: int, state: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        N, K, rows = self.N, self.K, 8 if self.complete else 4
-        left = np.array(self.left[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(rows, N, K)
-        columns = left[0::2] + 1j * left[1::2]  # (column, N, K)
-        own: NDArray[np.complex128] = (columns * state.T[:, :, None]).sum(axis=0)
-        return own
+    def _state(self, wheel: int) -> FloatArray:
+        """The same at the beginning of the interval."""
+        own = np.array(self.own[2 * wheel * self.M : 2 * (wheel + 1) * self.M])
+        return self._with_right(wheel, own.reshape(2, self.N, self.K))
+
+    def _with_right(self, wheel: int, own: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 2
+        right = np.array(self.right[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        elements = [_sum_of_products(row, own) for row in right]
+        if not self.complete:  # its last row is one
+            elements.append(_sum(own))
+        return np.stack(elements, axis=-1)
+
+    def _own(self, wheel: int, state: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 4
+        left = np.array(self.left[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        products = [_product(column, state[..., k : k + 1]) for k, column in enumerate(left)]
+        total = products[0]
+        for product in products[1:]:
+            total = total + product
+        return total
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types."""
@@ -444,7 +469,7 @@ class BeltMotion:
             raise ValueError(f"the belt's state has shape {own.shape}; it must be {expected}")
         self.waiting[index] = 0
         self._eigensystem(index, float(snapshot["speed"]))
-        self._put(index, own[0] + 1j * own[1])
+        self._put(index, own)
         if snapshot["interval"] is not None:
             length, speed, load, traction = snapshot["interval"]
             self.hold(index, int(length), float(speed), float(load), float(traction))
@@ -452,3 +477,20 @@ class BeltMotion:
 
 def _zeros(count: int) -> memoryview:
     return np.zeros(count).data
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Products of complex numbers by their parts, (2, ...)."""
+    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _sum(a: FloatArray) -> FloatArray:
+    """Sums over the last axis, in order."""
+    total = a[..., 0]
+    for k in range(1, a.shape[-1]):
+        total = total + a[..., k]
+    return total
+
+
+def _sum_of_products(a: FloatArray, b: FloatArray) -> FloatArray:
+    return _sum(_product(a, b))

@@ -6,7 +6,7 @@ cdef class Motion:
     cdef readonly str model
     cdef readonly object unit
     cdef readonly object parts
-    cdef Py_ssize_t wide
+    cdef Py_ssize_t half
     cdef Py_ssize_t pairs
     cdef Py_ssize_t harmonics
     cdef Py_ssize_t runouts
@@ -21,7 +21,8 @@ cdef class Motion:
     cdef double[::1] system
     cdef double[::1] spin
     cdef double[::1] input
-    cdef double[::1] seen
+    cdef double[::1] pull
+    cdef double[::1] net
     cdef double[::1] spring
     cdef double[::1] imbalance
     cdef double[::1] runout
@@ -32,11 +33,11 @@ cdef class Motion:
     cdef double[::1] matrix
     cdef double[::1] matrix_at
     cdef double[::1] between
-    cdef double[::1] x
     cdef double[::1] after
     cdef double[::1] force
     cdef double[::1] terms
-    cdef double[::1] lines
+    cdef double[::1] pulls
+    cdef double[::1] reach
     cdef double[::1] convolved
     cdef double[::1] answers
     cdef double[::1] cosines
@@ -63,9 +64,12 @@ cdef class Motion:
         self, double[::1] matrix, Py_ssize_t at, Py_ssize_t order, double length, double speed, double slope,
         double phase, double load, double traction, double load_change, double traction_change
     ) noexcept nogil
-    cdef void multiply(
-        self, double[::1] matrix, Py_ssize_t at, Py_ssize_t k, double part, double slope, double step
+    cdef Py_ssize_t order_of(self, double reach) noexcept nogil
+    cdef void next_term(
+        self, double[::1] matrix, Py_ssize_t at, Py_ssize_t k, double part, Py_ssize_t first
     ) noexcept nogil
+    cdef void add_slope(self, Py_ssize_t k, double part, double slope, double length) noexcept nogil
+    cdef void sum_terms(self, Py_ssize_t order) noexcept nogil
     cdef void long_step(
         self, Py_ssize_t wheel, double seconds, double load, double traction, double load_change,
         double traction_change, double norm

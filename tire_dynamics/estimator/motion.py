@@ -46,7 +46,6 @@ __all__ = ["Motion"]
 FloatArray = NDArray[np.float64]
 
 _LONGEST = cython.declare(cython.double, 3.0)  # norm times step of one series
-_NEGLIGIBLE = cython.declare(cython.double, 2.0**-57)  # what is left out beside 1
 _MOST_TERMS = cython.declare(cython.Py_ssize_t, 40)  # 27 terms are enough for the longest piece
 _MOST_PIECES = cython.declare(cython.double, 1e5)  # of a step; a unit that needs more has nothing of a tire
 _DOUBLED = cython.declare(cython.double, 24.0)  # pieces from which on doubling is quicker
@@ -54,6 +53,49 @@ _BEYOND_ALL_BOUNDS = cython.declare(cython.double, 1e6)  # [m/s] and [m]
 _FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
 _NAN = cython.declare(cython.double, math.nan)
 _TERMS = 40
+
+
+def _reaches() -> list[float]:
+    """By the number of terms, the largest norm times step for which they are enough; rounded down to ten bits."""
+    reaches = [0.0]
+    for k in range(1, _TERMS + 1):
+        low, high = 0.0, 64.0
+        while high - low > 2.0**-10:
+            middle = 0.5 * (low + high)
+            enough = math.prod(middle / j for j in range(1, k + 1)) <= 2.0**-57
+            low, high = (middle, high) if enough else (low, middle)
+        reaches.append(low)
+    return reaches
+
+
+_REACHES = _reaches()
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _next_term(
+    half: cython.Py_ssize_t,
+    matrix: cython.double[::1],
+    at: cython.Py_ssize_t,
+    terms: cython.double[::1],
+    row: cython.Py_ssize_t,
+    part: cython.double,
+    force: cython.double[::1],
+    first: cython.Py_ssize_t,
+) -> cython.void:
+    r: cython.Py_ssize_t
+    c: cython.Py_ssize_t
+    total: cython.double
+    for r in range(half):
+        total = 0.0
+        for c in range(2 * half):
+            total += matrix[at + r * 2 * half + c] * terms[row + c]
+        if first >= 0:
+            total += force[first + r]
+        terms[row + 2 * half + r] = total * part
+        terms[row + 3 * half + r] = terms[row + r] * part
 
 
 @cython.cclass
@@ -87,23 +129,26 @@ class Motion:
         states = wheel.states(unit, self.model)
         self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
-        n, self.wide, self.pairs = states, len(parts.system), len(parts.spring)
+        n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
         self.runouts = len(parts.runout)
         self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_held
         self.harmonics, self.highest = max(self.runouts, 2), parts.highest
-        # transposed: what a row of the vector goes to lies side by side
-        self.system, self.spin, self.input = _flat(parts.system.T), _flat(parts.spin.T), _flat(parts.input.T)
-        self.seen, self.spring, self.imbalance = _flat(parts.seen), _flat(parts.spring), _flat(parts.imbalance.T)
-        self.runout, self.sizes, self.wheel_x = _flat(parts.runout), _flat(parts.sizes), _flat(parts.wheel_x)
+        # of the accelerations alone: the displacements' rows only say that their rates are the velocities
+        self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
+        self.input, self.imbalance = _flat(parts.input[:half]), _flat(parts.imbalance[:half])
+        self.pull, self.net = _flat(parts.system[:half, n:]), _flat(parts.seen[:, half:])
+        self.spring, self.runout, self.sizes = _flat(parts.spring), _flat(parts.runout), _flat(parts.sizes)
+        self.wheel_x = _flat(parts.wheel_x)
         self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
-        self.matrix, self.between = _zeros(self.wheels * self.wide * self.wide), _zeros(self.wide * self.wide)
+        self.matrix, self.between = _zeros(self.wheels * half * n), _zeros(half * n)
         self.matrix_at = np.full(self.wheels, math.nan).data
-        self.x, self.after, self.force = _zeros(self.wide), _zeros(self.wide), _zeros(self.wide)
-        self.terms, self.lines = _zeros((_TERMS + 2) * n), _zeros(2 * max(self.pairs, 1) * (_TERMS + 2))
+        self.after, self.force = _zeros(n), _zeros(2 * half)
+        self.terms, self.pulls = _zeros((_TERMS + 2) * n), _zeros(2 * max(self.pairs, 1))
         self.convolved, self.answers = (_zeros(2 * max(self.pairs, 1) * (_TERMS + 2)) for _ in range(2))
         self.cosines, self.sines = (_zeros(self.harmonics * 3) for _ in range(2))
         self.angles, self.none = (_zeros(self.harmonics) for _ in range(2))
         self.affine, self.squared = (_zeros((n + 3) * n) for _ in range(2))
+        self.reach = np.array(_REACHES).data
 
     def reset(self, index: int) -> None:
         """Be at rest."""
@@ -205,7 +250,7 @@ class Motion:
         self, matrix: cython.double[::1], at: cython.Py_ssize_t, speed: cython.double
     ) -> cython.void:
         k: cython.Py_ssize_t
-        for k in range(self.wide * self.wide):
+        for k in range(self.half * self.states):
             matrix[at + k] = self.system[k] + speed * self.spin[k]
 
     @cython.cfunc
@@ -214,7 +259,7 @@ class Motion:
     def spin_at(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.void:
         """The matrix of one wheel at a speed."""
         if speed != self.matrix_at[wheel]:
-            self.set_matrix(self.matrix, wheel * self.wide * self.wide, speed)
+            self.set_matrix(self.matrix, wheel * self.half * self.states, speed)
             self.matrix_at[wheel] = speed
 
     @cython.cfunc
@@ -249,7 +294,7 @@ class Motion:
         """One step of one wheel, as :meth:`advance` has it."""
         n: cython.Py_ssize_t = self.states
         first: cython.Py_ssize_t = wheel * n
-        at: cython.Py_ssize_t = wheel * self.wide * self.wide
+        at: cython.Py_ssize_t = wheel * self.half * self.states
         k: cython.Py_ssize_t
         order: cython.Py_ssize_t
         piece: cython.Py_ssize_t
@@ -257,7 +302,6 @@ class Motion:
         share: cython.double
         now: cython.double
         start: cython.double
-        total: cython.double
         if angle == angle:
             self.phase[wheel] = angle
         if speed != self.spin_speed[wheel]:
@@ -283,11 +327,7 @@ class Motion:
                 self.state[first + k] = _NAN
         else:
             reach: cython.double = norm * seconds / pieces
-            order = 1
-            total = reach
-            while total > _NEGLIGIBLE or order < reach:
-                order += 1
-                total = total * reach / order
+            order = self.order_of(reach)
             count = cython.cast(cython.Py_ssize_t, pieces)
             length: cython.double = seconds / pieces
             slope: cython.double = speed_change / pieces
@@ -330,45 +370,72 @@ class Motion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def multiply(
+    def order_of(self, reach: cython.double) -> cython.Py_ssize_t:
+        """The terms of a series whose term k is at most reach^k/k!, such that what is left out is negligible."""
+        k: cython.Py_ssize_t = 1
+        while reach > self.reach[k]:
+            k += 1
+        return k
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def next_term(
         self,
         matrix: cython.double[::1],
         at: cython.Py_ssize_t,
         k: cython.Py_ssize_t,
         part: cython.double,
-        slope: cython.double,
-        step: cython.double,
+        first: cython.Py_ssize_t,
     ) -> cython.void:
-        """Term k + 1 of the series from x, the term k: part [A x + slope S x_before + slope/h E x + force]."""
+        """Term k + 1 of the series from the term k: part [A x + force], the force from a place on, and part v."""
+        if self.half == 3:  # the usual one: with a number, the compiler unrolls its loops
+            _next_term(3, matrix, at, self.terms, 6 * k, part, self.force, first)
+        else:
+            _next_term(self.half, matrix, at, self.terms, self.states * k, part, self.force, first)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def add_slope(
+        self, k: cython.Py_ssize_t, part: cython.double, slope: cython.double, length: cython.double
+    ) -> cython.void:
+        """What a speed that changes by ``slope`` over a piece adds: part slope [S x_before + E x/length]."""
         n: cython.Py_ssize_t = self.states
-        wide: cython.Py_ssize_t = self.wide
-        a: cython.Py_ssize_t
+        half: cython.Py_ssize_t = self.half
+        row: cython.Py_ssize_t = k * n
+        r: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        total: cython.double
+        if k > 0:
+            for r in range(half):
+                total = 0.0
+                for c in range(n):
+                    total += self.spin[r * n + c] * self.terms[row - n + c]
+                self.terms[row + n + r] += part * slope * total
+        if self.complete:
+            total = part * slope / length
+            c = row + half
+            self.terms[row + n] -= total * (self.terms[c + 1] - self.terms[c + 2])
+            self.terms[row + n + 1] += total * (self.terms[c] + self.terms[c + 3])
+            self.terms[row + n + 2] -= total * (self.terms[c] + self.terms[c + 3])
+            self.terms[row + n + 3] -= total * (self.terms[c + 1] - self.terms[c + 2])
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def sum_terms(self, order: cython.Py_ssize_t) -> cython.void:
+        """The sum of all terms into ``after``, the smallest first."""
+        n: cython.Py_ssize_t = self.states
+        k: cython.Py_ssize_t
         b: cython.Py_ssize_t
-        value: cython.double
-        for b in range(wide):
-            self.after[b] = self.force[b]
-        for a in range(wide):
-            value = self.x[a]
-            for b in range(wide):
-                self.after[b] += matrix[at + a * wide + b] * value
-        if slope != 0.0:
-            if k > 0:
-                for a in range(n):
-                    value = slope * self.terms[(k - 1) * n + a]
-                    for b in range(wide):
-                        self.after[b] += self.spin[a * wide + b] * value
-            if self.complete:
-                a = n // 2
-                value = slope / step * (self.x[a] + self.x[a + 3])
-                self.after[1] += value
-                self.after[2] -= value
-                value = slope / step * (self.x[a + 1] - self.x[a + 2])
-                self.after[0] -= value
-                self.after[3] -= value
-        for b in range(wide):
-            self.after[b] *= part
         for b in range(n):
-            self.terms[(k + 1) * n + b] = self.after[b]
+            self.after[b] = self.terms[order * n + b]
+        for k in range(order - 1, -1, -1):
+            for b in range(n):
+                self.after[b] += self.terms[k * n + b]
+        for b in range(n):
+            self.after[b] += 0.0  # no negative zeros
 
     @cython.cfunc
     @cython.nogil
@@ -386,27 +453,17 @@ class Motion:
         traction_change: cython.double,
     ) -> cython.void:
         """One series from the term 0 into ``after``, where nothing rotates with the tire."""
-        n: cython.Py_ssize_t = self.states
+        half: cython.Py_ssize_t = self.half
         k: cython.Py_ssize_t
         b: cython.Py_ssize_t
+        for b in range(half):
+            self.force[b] = load * self.input[2 * b] + traction * self.input[2 * b + 1]
+            self.force[half + b] = load_change * self.input[2 * b] + traction_change * self.input[2 * b + 1]
         for k in range(order):
-            for b in range(n):
-                self.x[b] = self.terms[k * n + b]
-                self.force[b] = 0.0
-            if k == 0:
-                for b in range(n):
-                    self.force[b] = load * self.input[b] + traction * self.input[n + b]
-            elif k == 1:
-                for b in range(n):
-                    self.force[b] = load_change * self.input[b] + traction_change * self.input[n + b]
-            self.multiply(matrix, at, k, length / (k + 1), slope, length)
-        for b in range(n):
-            self.after[b] = self.terms[order * n + b]
-        for k in range(order - 1, -1, -1):
-            for b in range(n):
-                self.after[b] += self.terms[k * n + b]
-        for b in range(n):
-            self.after[b] += 0.0  # no negative zeros
+            self.next_term(matrix, at, k, length / (k + 1), k * half if k < 2 else -1)
+            if slope != 0.0:
+                self.add_slope(k, length / (k + 1), slope, length)
+        self.sum_terms(order)
 
     @cython.cfunc
     @cython.nogil
@@ -428,10 +485,10 @@ class Motion:
         """The same where something does.
 
         exp(i j phi) has the Taylor coefficients e_k = i j h/k (Omega e_(k-1) + slope e_(k-2)); the springs' is
-        multiplied with that of conj(R), R = N q behind z.
+        multiplied with that of conj(R), R = N q.
         """
         n: cython.Py_ssize_t = self.states
-        wide: cython.Py_ssize_t = self.wide
+        half: cython.Py_ssize_t = self.half
         J: cython.Py_ssize_t = self.harmonics
         P: cython.Py_ssize_t = self.pairs
         T: cython.Py_ssize_t = _MOST_TERMS + 2
@@ -457,11 +514,6 @@ class Motion:
         grow(J, 0, self.none, self.angles, 1.0, self.cosines, self.sines)
         for j in range(J):
             self.cosines[J + j] = self.cosines[2 * J + j] = self.sines[J + j] = self.sines[2 * J + j] = 0.0
-        for p in range(2 * P):
-            total = self.seen[p * n] * self.terms[0]
-            for b in range(1, n):
-                total += self.seen[p * n + b] * self.terms[b]
-            self.answers[p * T] = total
         for k in range(order):
             if k > 0:
                 for j in range(J):
@@ -488,34 +540,34 @@ class Motion:
             if slope != 0.0:
                 c = c + (2.0 * speed * slope * self.cosines[J] + slope * slope * self.cosines[2 * J])
                 s = s + (2.0 * speed * slope * self.sines[J] + slope * slope * self.sines[2 * J])
-            for b in range(wide):
-                self.force[b] = pressed * self.input[b] + pushed * self.input[wide + b]
-                self.force[b] += c * self.imbalance[b] + s * self.imbalance[wide + b]
-            for b in range(n):
-                self.x[b] = self.terms[k * n + b]
             for p in range(P):
+                for q in range(2):
+                    total = 0.0
+                    for b in range(half):
+                        total += self.net[(2 * p + q) * half + b] * self.terms[k * n + half + b]
+                    self.answers[(2 * p + q) * T + k] = total
                 a = 2 * p * T
-                c, s = self.cosines[1], self.sines[1]
-                self.convolved[a + k] = self.spring[2 * p] * c - self.spring[2 * p + 1] * s
-                self.convolved[a + T + k] = self.spring[2 * p] * s + self.spring[2 * p + 1] * c
+                xx, xy = self.cosines[1], self.sines[1]
+                self.convolved[a + k] = self.spring[2 * p] * xx - self.spring[2 * p + 1] * xy
+                self.convolved[a + T + k] = self.spring[2 * p] * xy + self.spring[2 * p + 1] * xx
                 xx = xy = yx = yy = 0.0
                 for q in range(k + 1):
                     xx += self.convolved[a + q] * self.answers[a + k - q]
                     xy += self.convolved[a + T + q] * self.answers[a + T + k - q]
                     yx += self.convolved[a + T + q] * self.answers[a + k - q]
                     yy += self.convolved[a + q] * self.answers[a + T + k - q]
-                self.x[n + 2 * p] = xx + xy
-                self.x[n + 2 * p + 1] = yx - yy
-            self.multiply(matrix, at, k, length / (k + 1), slope, length)
-            for p in range(2 * P):
-                self.answers[p * T + k + 1] = self.after[n + p]
-        for b in range(n):
-            self.after[b] = self.terms[order * n + b]
-        for k in range(order - 1, -1, -1):
-            for b in range(n):
-                self.after[b] += self.terms[k * n + b]
-        for b in range(n):
-            self.after[b] += 0.0
+                self.pulls[2 * p] = xx + xy
+                self.pulls[2 * p + 1] = yx - yy
+            for b in range(half):
+                total = pressed * self.input[2 * b] + pushed * self.input[2 * b + 1]
+                total += c * self.imbalance[2 * b] + s * self.imbalance[2 * b + 1]
+                for q in range(2 * P):
+                    total += self.pull[2 * P * b + q] * self.pulls[q]
+                self.force[b] = total
+            self.next_term(matrix, at, k, length / (k + 1), 0)
+            if slope != 0.0:
+                self.add_slope(k, length / (k + 1), slope, length)
+        self.sum_terms(order)
 
     @cython.cfunc
     @cython.nogil
@@ -537,9 +589,9 @@ class Motion:
         """
         n: cython.Py_ssize_t = self.states
         first: cython.Py_ssize_t = wheel * n
-        at: cython.Py_ssize_t = wheel * self.wide * self.wide
+        at: cython.Py_ssize_t = wheel * self.half * self.states
         doublings: cython.Py_ssize_t = 0
-        order: cython.Py_ssize_t = 1
+        order: cython.Py_ssize_t
         a: cython.Py_ssize_t
         b: cython.Py_ssize_t
         k: cython.Py_ssize_t
@@ -548,11 +600,7 @@ class Motion:
         while norm * length > _LONGEST:
             length = 0.5 * length
             doublings += 1
-        reach: cython.double = norm * length
-        total = reach
-        while total > _NEGLIGIBLE or order < reach:
-            order += 1
-            total = total * reach / order
+        order = self.order_of(norm * length)
         for a in range(n + 3):
             for b in range(n):
                 self.terms[b] = 1.0 if a == b else 0.0
@@ -621,9 +669,9 @@ class Motion:
             grow(1, 0, self.none, self.angles, 1.0, self.cosines, self.sines)
             for p in range(self.pairs):
                 X = Y = 0.0
-                for k in range(n):
-                    X += self.seen[2 * p * n + k] * self.state[first + k]
-                    Y += self.seen[(2 * p + 1) * n + k] * self.state[first + k]
+                for k in range(self.half):
+                    X += self.net[2 * p * self.half + k] * self.state[first + self.half + k]
+                    Y += self.net[(2 * p + 1) * self.half + k] * self.state[first + self.half + k]
                 real = self.spring[2 * p] * self.cosines[0] - self.spring[2 * p + 1] * self.sines[0]
                 imaginary = self.spring[2 * p] * self.sines[0] + self.spring[2 * p + 1] * self.cosines[0]
                 x = x - self.wheel_x[2 * p] * (real * X + imaginary * Y)

@@ -190,12 +190,16 @@ class Wheels:
         outcome = self.schedule.put(wheel, _LOAD, stamp if stamp != 0 else received, load, traction)
         self.schedule.counts[wheel * _OUTCOMES + outcome] += 1
 
-    def add_speed(self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, speed: float, angle: float = math.nan) -> None:
+    def add_speed(
+        self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, speed: float, angle: float = math.nan
+    ) -> None:
         """Take a sample of the spin [rad/s] and of the wheel's angle [rad]; times in ns."""
         check_wheel(wheel, self.count)
         self.take_speed(wheel, operator.index(received), operator.index(stamp), speed, angle)
 
-    def add_load(self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, load: float, traction: float = 0.0) -> None:
+    def add_load(
+        self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, load: float, traction: float = 0.0
+    ) -> None:
         """Take a sample of the load, up positive, and of the traction along x_ros, on the tire [N]; times in ns."""
         check_wheel(wheel, self.count)
         self.take_load(wheel, operator.index(received), operator.index(stamp), load, traction)
@@ -355,7 +359,8 @@ class Wheels:
         """Take over a :meth:`snapshot` of wheels with the same settings."""
         time, states, turns = snapshot["time"], snapshot["wheels"], snapshot["ring_turns"]
         if not len(states) == len(turns) == self.count:
-            raise ValueError(f"the snapshot has {len(states)} wheels and {len(turns)} turns; there are {self.count} wheels")
+            found = f"{len(states)} wheels and {len(turns)} turns"
+            raise ValueError(f"the snapshot has {found}; there are {self.count} wheels")
         self.has_time, self.now = time is not None, 0 if time is None else operator.index(time)
         for w, turn in enumerate(turns):
             self.has_turn[w], self.turn[w] = turn is not None, 0 if turn is None else operator.index(turn)

@@ -20,11 +20,11 @@ __all__ = ["COLUMNS", "eigensystems"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-COLUMNS = 12
-"""Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, and 1 (0 in the hybrid
-model, which has no Coriolis term)."""
+COLUMNS = 14
+"""Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, 1 (0 in the hybrid
+model, which has no Coriolis term), B, B_1."""
 
-_COLUMNS = cython.declare(cython.Py_ssize_t, 12)
+_COLUMNS = cython.declare(cython.Py_ssize_t, 14)
 
 
 @cython.cfunc
@@ -109,21 +109,23 @@ def mode_eigensystem(
         n, d = table[at], table[at + 1]
         A = table[at + 4] + square * table[at + 5]
         C = table[at + 6] + square * table[at + 7]
-        size = A + n * C
-        g = speed * twist_at(table, i, square)
+        size = 1.0 / (A + n * C)
+        g = speed * (table[at + 11] * ((C + n * A) * size))
         p = table[at + 8] + square * (table[at + 9] + square * table[at + 10])
-        p, q = 0.25 * d * d - g * g - n * p / size, d * g
-        x = sqrt(0.5 * (sqrt(p * p + q * q) + abs(p)))
+        p, q = 0.25 * d * d - g * g - n * p * size, d * g
+        A, C = n * A * size, n * C * size
+        # the root x + i y of p + i q
+        size = sqrt(p * p + q * q)
+        x = sqrt(0.5 * (size + abs(p)))
         if x < 1e-7 * (0.5 * d + abs(g)):  # two equal eigenvalues have one eigenvector: keep them apart
             x = 1e-7 * (0.5 * d + abs(g))
+            size = x * x
         y = 0.5 * q / x
         if p < 0.0:
             x, y = y, x
         # 1/(2 root) = u + i v
-        u, v = x + x, y + y
-        c = u * u + v * v
-        u, v = u / c, -v / c
-        A, C = n * A / size, n * C / size
+        size = 0.5 / size
+        u, v = x * size, -y * size
         for k in range(2):
             e = 2 * i + k
             sign = 1.0 if k == 0 else -1.0
@@ -134,12 +136,11 @@ def mode_eigensystem(
             # left = 1/(2 root) [[1, -s-], [-1, s+]]
             left[4 * wheel * M + e], left[(4 * wheel + 1) * M + e] = sign * u, sign * v
             # the row of the other eigenvalue
-            e = 2 * i + 1 - k
-            left[(4 * wheel + 2) * M + e] = sign * (u * real - v * imaginary)
-            left[(4 * wheel + 3) * M + e] = sign * (u * imaginary + v * real)
-            e = 2 * i + k
-            size = real * real + turned * turned
-            c, h = -sign * (real / size), sign * (turned / size)  # -1/mu, with the sign of the row of left
+            left[(4 * wheel + 2) * M + e + 1 - 2 * k] = sign * (u * real - v * imaginary)
+            left[(4 * wheel + 3) * M + e + 1 - 2 * k] = sign * (u * imaginary + v * real)
+            # -1/mu, with the sign of the row of left
+            size = sign / (real * real + turned * turned)
+            c, h = -real * size, turned * size
             r, t = C * table[at + 2], C * table[at + 3]
             r, t = u * r - v * t, u * t + v * r
             steady[4 * wheel * M + e], steady[(4 * wheel + 1) * M + e] = r * c - t * h, r * h + t * c
