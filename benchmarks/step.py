@@ -370,7 +370,7 @@ def cost_of_wheels(load: np.ndarray, belts: bool, wheels: int) -> float:
 
 
 def varying_tire(repeats: int) -> dict[str, Any]:
-    """us per tick of four wheels at 500 Hz, speed, angle and load new at each: the uniform tire, and one of each kind."""
+    """us per tick of four wheels at 500 Hz, each input new: the uniform tire, and one of each kind."""
     tires = {
         "uniform": UNIT,
         "sidewall": UNIT.replace(**SIDEWALL),
@@ -422,7 +422,7 @@ def print_wheels(figures: dict[str, Any]) -> None:
     print()
     print_table(("us per tick and wheel", *(f"{W} wheel{'s' * (W > 1)}" for W in WHEELS), "64 : 1"), rows)
     print("each with its own load sample, tick, and force")
-    print(f"target for the first table: >= {STEP_TARGET:g} x restarted DOP853, where the force is asked for after each step")
+    print(f"target where the force is asked for after each step: >= {STEP_TARGET:g} x DOP853, restarted")
     print("*  ours have n = 1 and the wheel as well, and put out the belt's shape at 72 points after each step")
     print("** with the belt's modes noted, not taken; a sample falls between two ticks: two steps")
 

@@ -1,4 +1,4 @@
-"""The equations seen from the rotating ring, integrated directly: what the steps in the fixed frame are compared with."""
+"""The equations seen from the rotating ring, integrated directly: the steps in the fixed frame are compared with it."""
 
 from __future__ import annotations
 

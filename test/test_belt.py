@@ -306,7 +306,8 @@ def test_another_tire_goes_on_from_the_same_belt(model):
     estimator.advance(NOW + 5 * MS)
     before = estimator.belt(PSI)
     estimator.set_unit(UNIT.replace(radial_stiffness=4e6))
-    assert np.array_equal(estimator.belt(PSI), before)
+    # through the modes' own coordinates and back: their matrices' condition, hundred or so, times rounding
+    assert np.abs(estimator.belt(PSI) - before).max() <= 1e-13 * np.abs(before).max()
     # it moves on with the new stiffness: like an estimator of that unit from the same snapshot
     other = estimator_of(model, UNIT.replace(radial_stiffness=4e6), timeout=50 * MS)
     other.restore(json.loads(json.dumps(estimator.snapshot())))

@@ -49,6 +49,7 @@ TIRES = {
     "gives fore and aft": {**VARYING, "tire.longitudinal_stiffness": 2e5, "tire.longitudinal_mass": 20.0},
 }
 MODELS = ("inextensional", "complete")
+KINDS = {"tick": 0.3, "joints": 0.15, "speed": 0.1, "load": 0.3, "load_force": 0.1, "other": 0.05}
 ODD_VALUES = (np.nan, np.inf, -np.inf, 1e9, -3.0, 0.0, -0.0, 5e-324)
 FOOTER = b"\x02" + (20).to_bytes(8, "little") + bytes(20) + MCAP0_MAGIC  # ends a stream of records
 FRAMES = ("", "contact", "contact_2", "Reifen_ü", "x" * 300)
@@ -123,13 +124,13 @@ def random_events(seed, count, irregular):
     now, events, stamps = NOW, [], {}
     for _ in range(count):
         now += int(rng.integers(1, MS))
-        kind = str(rng.choice(["tick", "joints", "speed", "load", "load_force", "other"], p=[0.3, 0.15, 0.1, 0.3, 0.1, 0.05]))
+        kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
         wheel = int(rng.integers(len(WHEELS)))
         odd = rng.random() < irregular
         stamp = max(now - int(rng.integers(0, 3 * MS)), stamps.get((kind, wheel), 0) + 1)
         if odd:
-            choices = [0, -1, now + 30 * MS, stamp - 5 * MS, stamps.get((kind, wheel), now), now - 25 * MS, now + 10 * MS]
-            stamp = int(rng.choice([*choices, -(2**31) * 10**9, 2**31 * 10**9 - 1]))
+            near = stamp - 5 * MS, stamps.get((kind, wheel), now), *(now + ms * MS for ms in (-25, 10, 30))
+            stamp = int(rng.choice([*near, 0, -1, -(2**31) * 10**9, 2**31 * 10**9 - 1]))
         else:
             stamps[kind, wheel] = stamp
         value = float(rng.normal(100.0, 20.0))
@@ -173,7 +174,7 @@ def one_by_one(wiring, events):
 
 
 def through_the_vehicle(values, events):
-    """The same by the decoders and encoders of single messages around a Vehicle; and its state and malformed messages."""
+    """The same by the decoders and encoders of messages around a Vehicle; with its state, and what was malformed."""
     wiring = Wiring(values)  # for its complete parameters
     vehicle = Vehicle(wiring.vehicle.settings)
     samples, scale = values["ring_samples"], values["ring_shape_scale"]
@@ -219,11 +220,11 @@ def columns_of(events, rng):
         data += bytes(rng.integers(0, 256, rng.integers(0, 3), dtype=np.uint8))
         starts.append(len(data))
         data += event[4]
-    ints = (np.array(column, np.int64) for column in (
-        [topics.index(event[0]) for event in events], *(list(column) for column in list(zip(*events, strict=True))[1:4]),
-        starts, [len(event[4]) for event in events],
-    ))  # fmt: skip
-    topic, received, published, tick, start, size = ints
+    places, sizes = [topics.index(event[0]) for event in events], [len(event[4]) for event in events]
+    times = list(zip(*events, strict=True))[1:4]
+    topic, received, published, tick, start, size = (
+        np.array(column, np.int64) for column in (places, *times, starts, sizes)
+    )
     return Events(topics, topic, received, published, tick, bytes(data), start, size)
 
 

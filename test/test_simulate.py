@@ -412,13 +412,10 @@ def test_whole_unit_at_constant_speed(model, unit, drive):
 @examples(4, nightly=20)
 @given(unit=units(), drive=drives(varying=True))
 def test_whole_unit_at_varying_speed(model, unit, drive):
-    """The unit is exact; of the belt's other modes a fourth of the step leaves a sixteenth, to the limit with Euler terms."""
+    """Exact too, Euler terms and all, in steps as long as the inputs' lines or shorter."""
     expected = whole(Lagrangian(unit, modes_up_to(2, model), model), drive)
-    coarse, fine = (errors(unit, drive, model, 2, expected, parts) for parts in (16, 64))
-    assert max(coarse[0], fine[0], errors(unit, drive, model, 2, expected)[0]) < 1e-8
-    # the next order still counts for a percent or so of sixteen
-    assert fine[1] < coarse[1] / 15.0 or fine[1] < 1e-8, (coarse, fine)
-    assert fine[1] < 1e-3
+    for parts in (1, 16):
+        assert max(errors(unit, drive, model, 2, expected, parts)) < 1e-8
 
 
 @pytest.mark.slow
@@ -427,12 +424,10 @@ def test_whole_unit_at_varying_speed(model, unit, drive):
 def test_whole_unit_with_six_modes(model, damping):
     """Every mode that the random units above leave out, with a patch, under a load, a traction and a varying speed."""
     unit = TireWheelUnit.table_1(sidewall_damping=damping, contact_half_angle=0.2)
-    for speed, parts, allowed in ((-150.0, 1, 1e-8), ([-60.0, -20.0, 30.0, 60.0], 512, 1e-5)):
+    for speed in (-150.0, [-60.0, -20.0, 30.0, 60.0]):
         drive = Drive([0.0, 0.003, 0.006, 0.01], speed, [-4e3, -3e3, -6e3, -5e3], [0.0, -500.0, 800.0, 0.0])
         expected = whole(Lagrangian(unit, modes_up_to(6, model), model), drive)
-        # 5 to 8 us a step at 1e4 rad/s^2: h^2 Omega' n Omega/12 and the like beside the frequencies squared
-        of_the_unit, of_the_belt = errors(unit, drive, model, 6, expected, parts)
-        assert of_the_unit < 1e-8 and of_the_belt < allowed
+        assert max(errors(unit, drive, model, 6, expected)) < 1e-8
 
 
 # -- the belt's shape -------------------------------------------------------------------------------------------

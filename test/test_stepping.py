@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.estimator.motion import Motion
-from tire_dynamics.science.stepping import solve_in_order
+from tire_dynamics.science.stepping import ExactStepper, solve_in_order
 from tire_dynamics.science.turning import turning
 
 UNITS = {
@@ -155,7 +155,8 @@ def test_step_of_no_length_changes_nothing(unit, model):
 def norm_at(unit, model, speed):
     """What the length of a step is measured by: over 3 of it a step is taken in pieces."""
     parts = turning(unit, model)
-    return parts.sizes[0] + abs(speed) * (parts.sizes[1] + (parts.highest if parts.is_rotating else 0.0)) + parts.sizes[2]
+    turning_with_it = parts.highest if parts.is_rotating else 0.0
+    return parts.sizes[0] + abs(speed) * (parts.sizes[1] + turning_with_it) + parts.sizes[2]
 
 
 @pytest.mark.parametrize("pieces", [1, 2, 3, 24, 48, 96])
@@ -165,7 +166,8 @@ def test_lengths_that_differ_by_a_hair_give_transitions_that_do(pieces):
         for speed in (0.0, 300.0):
             F = wheel.fixed_frame_matrix(unit, speed, model)
             length = 3.0 * pieces / norm_at(unit, model, speed)
-            sides = [transition(unit, model, speed, h) for h in (length * (1.0 - 1e-15), length, length * (1.0 + 1e-15))]
+            hairs = length * (1.0 - 1e-15), length, length * (1.0 + 1e-15)
+            sides = [transition(unit, model, speed, h) for h in hairs]
             # each is that far from the exact one, and a hair moves that by 1e-15 of norm times length
             assert max(error_of(side, sides[1], F) for side in sides) < 3.0 * SHORT, damping
 
@@ -212,7 +214,8 @@ def test_a_long_step_under_forces_that_change():
         motion.put(0, np.full(10, 1e-3), 80.0, 0.0)
         for k in range(count):
             share = k / count
-            motion.advance(0, 3600.0 / count, 80.0, 3000.0 + 1000.0 * share, 500.0 * share, 0.0, 1000.0 / count, 500.0 / count)
+            force = 3000.0 + 1000.0 * share, 500.0 * share
+            motion.advance(0, 3600.0 / count, 80.0, *force, 0.0, 1000.0 / count, 500.0 / count)
         ends.append(motion.state_of(0))
     scale = state_scale(wheel.fixed_frame_matrix(unit, 80.0, model))
     for end in ends[1:]:
@@ -245,6 +248,65 @@ def test_linear_inputs(case, speed):
     motion.advance(0, h, speed, *u, 0.0, *du)
     error = np.abs(motion.state_of(0) - reference) * state_scale(F)
     assert error.max() <= 1e-10 * np.abs(reference * state_scale(F)).max()  # 100 times the integrator's rtol
+
+
+# -- transitions from tables, of any system -----------------------------------------------------------------------
+
+
+def stepper_of(unit, model):
+    frame = wheel.fixed_frame(unit, model)
+    return ExactStepper([frame.constant, frame.spin], frame.input, 1.0 / state_scale(frame.constant))
+
+
+@both
+def test_tabulated_transitions_are_exact(case):
+    """`transitions` doubles as often as its longest step needs."""
+    unit, model = UNITS[case]
+    system, stepper = wheel.fixed_frame(unit, model), stepper_of(unit, model)
+    rng = np.random.default_rng(1)
+    steps, speeds = rng.uniform(1e-4, 20e-3, 4), rng.uniform(-800.0, 800.0, 4)
+    for h, w in [(steps, speeds), (steps[0], speeds), (steps, speeds[0]), (steps[0], speeds[0])]:
+        batch = stepper.transitions(np.asarray(h), np.asarray(w))
+        pairs = np.broadcast_arrays(np.atleast_1d(h), np.atleast_1d(w))
+        assert len(batch) == len(pairs[0])
+        for found, length, speed in zip(batch, *pairs, strict=True):
+            F = wheel.fixed_frame_matrix(unit, speed, model)
+            assert error_of(found.T, exact_transition(F, system.input, length), F) < SHORT
+
+
+def test_a_short_step_beside_a_long_one():
+    """One long gap makes its whole block double more often; the short steps keep their digits."""
+    unit, model = UNITS["modal", "inextensional"]
+    F = wheel.fixed_frame_matrix(unit, 100.0, model)
+    batch = stepper_of(unit, model).transitions(np.array([1e-3, 10.0]), np.array([100.0, 100.0]))
+    exact = exact_transition(F, wheel.fixed_frame(unit).input, 1e-3)
+    assert error_of(batch[0].T, exact, F) < LONG
+
+
+@pytest.mark.parametrize("speed", [0.0, 50.0, -100.0, 150.0, 400.0, -1000.0])
+def test_speed_squared(speed):
+    """F_0 + Omega F_1 + Omega^2 F_2, at speeds in and far beyond the tabulated range."""
+    rng = np.random.default_rng(0)
+    terms = [size * rng.normal(size=(3, 3)) for size in (10.0, 0.1, 1e-3)]
+    inputs = rng.normal(size=(3, 1))
+    stepper = ExactStepper(terms, inputs, np.ones(3), top_speed=100.0)
+    F = sum(term * speed**k for k, term in enumerate(terms))
+    for length in (1e-3, 1e-2, 0.1):
+        exact = exact_transition(F, inputs, length)
+        found = stepper.transitions(np.array(length), np.array(speed))[0].T
+        # F itself, rounded, moves exp(h F) by h |F| 2^-53 of it; the sums and the doublings do so some tens of times
+        allowed = 2.0**-53 * 30.0 * (1.0 + length * np.abs(F).sum(axis=1).max())
+        assert np.abs(found - exact).max() <= allowed * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("terms", [1, 2, 3])
+def test_limit(terms):
+    """The longest step summed directly: all of the table's range up to the top speed, and beyond it less and less."""
+    stepper = ExactStepper([np.eye(2)] * terms, np.zeros((2, 1)), np.ones(2), top_speed=64.0)
+    assert stepper.limit(0.0) == stepper.limit(64.0) == stepper.longest_step
+    for speed in (65.0, 128.0, 1e4):
+        # norm of h F at most, F growing as Omega^(terms - 1)
+        assert stepper.limit(speed) == pytest.approx(stepper.longest_step * (64.0 / speed) ** (terms - 1), rel=1e-15)
 
 
 @settings(max_examples=50)

@@ -62,7 +62,8 @@ def test_against_integration_in_the_rings_frame(unit, speed, model):
     inputs = [0.0, duration], [speed] * 2, [(load, traction)] * 2
     (_, expected), _ = ring_frame.integrate(unit, model, *inputs, start, phi_0, rtol=3e-14)
     for step in (0.5e-3, 2e-3, 20e-3):
-        motion = steps(started(unit, model, speed, load, traction, phi_0), round(duration / step), step, speed, load, traction)
+        motion = started(unit, model, speed, load, traction, phi_0)
+        steps(motion, round(duration / step), step, speed, load, traction)
         assert np.abs(motion.state_of(0) - expected).max() < 1e-10 * np.abs(expected).max()
         turned = math.remainder(motion.phase_of(0) - phi_0 - speed * duration, 2.0 * math.pi)
         assert turned == pytest.approx(0.0, abs=1e-12)
