@@ -360,8 +360,44 @@ def test_snapshot_continues_bit_for_bit(ticks, model):
 
 def test_snapshot_of_other_wheels_is_refused(vehicle):
     two = Vehicle(VehicleSettings(UNIT, WHEELS[:2], JOINTS[:2]))
-    with pytest.raises(ValueError):
-        two.restore(vehicle.snapshot())
+    four = vehicle.snapshot()
+    for snapshot in (four, {**four, "wheels": four["wheels"][:2]}, {**four, "ring_turns": four["ring_turns"][:2]}):
+        with pytest.raises(ValueError, match="there are 2 wheels"):
+            two.restore(snapshot)
+    with pytest.raises(ValueError, match="there are 4 wheels"):
+        vehicle.restore(two.snapshot())
+
+
+@pytest.mark.parametrize("index", [-1, 4, 2**40])
+def test_there_is_no_other_wheel(vehicle, index):
+    """What is compiled writes where it is told to, so that it has to be told where nothing is."""
+    wheels = vehicle.wheels
+    calls = [
+        lambda: vehicle.wheel_speed(index, NOW, 1.0),
+        lambda: vehicle.load(index, NOW, NOW, 1.0, 0.0),
+        lambda: wheels.force_of(index),
+        lambda: wheels.noted_orders(index),
+        lambda: wheels.count_joint_twice(index),
+        lambda: wheels.schedule.add_speed(index, NOW, 1.0),
+        lambda: wheels.schedule.add_load(index, NOW, 1.0),
+        lambda: wheels.schedule.ages(index),
+        lambda: wheels.schedule.counts_of(index),
+        lambda: wheels.motion.advance(index, 1e-3, 1.0, 1.0),
+        lambda: wheels.motion.put(index, np.zeros(6), 1.0, 0.0),
+        lambda: wheels.motion.reset(index),
+        lambda: wheels.motion.axle_force(index, 1.0),
+        lambda: wheels.motion.snapshot(index),
+        lambda: wheels.belt.advance(index, MS, 1.0, 1.0),
+        lambda: wheels.belt.deflection(index, wheels.motion),
+        lambda: wheels.belt.reset(index),
+        lambda: wheels.belt.start(index, 1.0, 1.0, 0.0),
+        lambda: wheels.belt.snapshot(index),
+    ]
+    before = vehicle.snapshot()
+    for call in calls:
+        with pytest.raises(IndexError, match=f"wheel is {index}; it must be from 0 to 3"):
+            call()
+    assert vehicle.snapshot() == before
 
 
 # -- stability --------------------------------------------------------------------------------------------------

@@ -221,7 +221,7 @@ def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_par
         same = all(record["parameters"][name] == list(wiring.values[name]) for name in ("wheels", "joint_names"))
         if same and (first or own_parameters):
             wiring.vehicle.restore(record["vehicle"])
-    except (LookupError, TypeError, ValueError) as error:
+    except (OverflowError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
 
 
