@@ -11,8 +11,8 @@ from numbers import Real
 from os import PathLike
 from typing import Any, Final, Literal
 
+from ..files.yaml_file import read_yaml, yaml_value
 from .harmonics import Harmonic, check_factor, harmonics
-from .yaml_file import read_yaml, yaml_value
 
 __all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "TURNING", "TireWheelUnit"]
 
@@ -285,7 +285,7 @@ class TireWheelUnit:
 
         Parameters and errors are those of :func:`.tir_file.unit_from_tir`, which also says what is assumed.
         """
-        from .tir_file import unit_from_tir  # which builds on this module
+        from ..files.tir_file import unit_from_tir  # which builds on this module
 
         whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
         return cls.from_mapping(whole.unit.to_mapping())
