@@ -34,9 +34,9 @@ from harness import parser, peak_memory, print_machine, print_table, shown, spre
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.replay import replay
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND

@@ -47,10 +47,10 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool
 
 from tire_dynamics import TireWheelUnit, simulate
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr import messages
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.replay import replay
 
 PATIENCE = 60.0  # [s]
 SETTLE, WINDOW = 1.0, 1.0  # [s] until nothing is left of the start (12 1/s is the slowest decay), and compared
@@ -746,7 +746,7 @@ def log_removed(soak: Soak) -> None:
 
 def namesake(soak: Soak) -> None:
     """another node of the same name"""
-    command = [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args", "--log-level", "error"]
+    command = [sys.executable, "-m", "tire_dynamics.cli.main", "node", "--ros-args", "--log-level", "error"]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as other:
         try:
             soak.await_(lambda: "are called" in soak.status().message, "the other node in the diagnostics")

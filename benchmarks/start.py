@@ -104,7 +104,7 @@ def until_wrench(command: list[str], **options: Any) -> float:
 def help_and_numpy(repeats: int) -> dict[str, Any]:
     """Whole processes [s]: the command's help, and the import of numpy."""
     script = Path(sys.executable).with_name("tire-dynamics")
-    ours = [str(script)] if script.exists() else [sys.executable, "-m", "tire_dynamics.doors.cli"]
+    ours = [str(script)] if script.exists() else [sys.executable, "-m", "tire_dynamics.cli.main"]
     commands = {"ours": [*ours, "--help"], "floor": [sys.executable, "-c", "import numpy"]}
     times: dict[str, list[float]] = {name: [] for name in commands}
     for repeat in range(-1, repeats):

@@ -26,10 +26,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter, definitions
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
+from tire_dynamics.bag import BagReader, BagWriter, definitions
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
+from tire_dynamics.files.errors import InputError
 
 store = get_typestore(Stores.ROS2_JAZZY)
 OUR_TYPES = [
@@ -419,8 +419,8 @@ def test_a_bag_written_in_place_is_closed_when_its_block_raises(tmp_path):
 
 KILLED_WRITER = """
 import os, signal, sys
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.messages import FLOAT64, encode_float64
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import FLOAT64, encode_float64
 
 writer = BagWriter(sys.argv[1], chunk_size=1000, metadata={"note": {"key": "value"}})
 handle = writer.add_topic("/speed", FLOAT64)
@@ -664,7 +664,7 @@ def test_a_record_that_lies_about_its_length_costs_nothing(tmp_path):
 
 
 def test_messages_far_out_of_order_are_refused_before_they_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("tire_dynamics.doors.bag.reader._MAX_PENDING", 100_000)
+    monkeypatch.setattr("tire_dynamics.bag.reader._MAX_PENDING", 100_000)
     folder = tmp_path / "bag"
     write_floats(folder, [t for start in range(100) for t in range(start, 100_000, 1000)], chunk_size=3000)
     with pytest.raises(InputError, match="too far out of order"):

@@ -20,12 +20,11 @@ from mcap.writer import Writer as LibraryWriter
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.bag import reader as reader_module
-from tire_dynamics.doors.bag.chunks import ChunkWriter
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import (
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.bag import reader as reader_module
+from tire_dynamics.bag.chunks import ChunkWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import (
     DeflectionEncoder,
     JointStateDecoder,
     MessageError,
@@ -34,6 +33,7 @@ from tire_dynamics.doors.messages import (
     encode_clock,
     encode_float64,
 )
+from tire_dynamics.files.errors import InputError
 
 store = get_typestore(Stores.ROS2_JAZZY)
 T = store.types

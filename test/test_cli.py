@@ -20,13 +20,13 @@ import numpy as np
 import pytest
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.cli import SHELLS, _Commands, main
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
+from tire_dynamics.cli.main import SHELLS, _Commands, main
 
 REPOSITORY = Path(__file__).parents[1]
-COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli"]
+COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
 BEGIN = 1_700_000_000_000_000_000
 
 
@@ -373,7 +373,7 @@ class NoRos:  # a machine with no ROS: its packages cannot be found
 
 sys.meta_path[:] = [NoRos if finder is PathFinder else finder for finder in sys.meta_path]
 sys.argv[0] = "tire-dynamics"
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
 status = main()
 assert "rclpy" not in sys.modules
 sys.exit(status)
@@ -704,14 +704,14 @@ def shown_on_a_terminal(text: str, *arguments) -> str:
 # The command, with a bar however short the work is.
 AT_ONCE = """
 import sys
-from tire_dynamics.doors import progress
+from tire_dynamics.files import progress
 progress._AFTER = progress._EVERY = 0.0
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
 sys.exit(main())
 """
 WORK = """
 import sys, time
-from tire_dynamics.doors.progress import progress
+from tire_dynamics.files.progress import progress
 for item in progress(range(10), 10, "work", unit="rows", quiet=sys.argv[1:] == ["quiet"]):
     time.sleep(float(sys.argv[2]) if len(sys.argv) > 2 else 0.1)
 """
@@ -752,7 +752,7 @@ def test_without_rich_there_is_no_bar_and_nothing_else_is_missing(tmp_path, bag)
 @pytest.mark.slow
 def test_in_a_pipe_rich_is_not_even_imported(tmp_path, bag):
     text = (
-        "import sys\nfrom tire_dynamics.doors.cli import main\n"
+        "import sys\nfrom tire_dynamics.cli.main import main\n"
         f"assert main(['replay', {str(bag)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0\n"
         f"assert main(['info', {str(bag)!r}]) == 0\n"
         "assert not {'rich', 'shtab', 'rclpy', 'matplotlib'} & set(sys.modules)\n"

@@ -11,13 +11,13 @@ from test_csv_import import do_import, loads_of, speeds_of  # noqa: F401
 from test_readme import blocks
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors import plausibility
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.csv_import import RECORD
-from tire_dynamics.doors.csv_table import read_table
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import decode_wrench
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import decode_wrench
+from tire_dynamics.cli.csv_import import RECORD
+from tire_dynamics.cli.main import main
+from tire_dynamics.files import plausibility
+from tire_dynamics.files.csv_table import read_table
+from tire_dynamics.files.errors import InputError
 
 N = 100
 TIME = np.arange(N) / 100.0  # [s]

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics.doors import answer, csv_import
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.csv_table import read_table
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
+from tire_dynamics.cli import answer, csv_import
+from tire_dynamics.files.csv_table import read_table
+from tire_dynamics.files.errors import InputError
 
 SPEED = "t,left,right\n1.0,10,20\n1.5,11,21\n2.0,12,22\n"
 LOAD = "t,a,b\n1.25,3000,-9.5\n1.5,3100,-9.25\n"

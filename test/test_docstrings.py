@@ -12,12 +12,12 @@ from typing import Any
 import pytest
 
 import tire_dynamics
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.parameters import complete, read_config
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.estimator.vehicle import Vehicle
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
+from tire_dynamics.replay.parameters import complete, read_config
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.replay.replay import replay
 
 MODULES = [
     "science.unit",
@@ -31,7 +31,7 @@ MODULES = [
     "science.turning",
     "science.uniformity",
 ]
-INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Wiring, Vehicle, WheelEstimator]
+INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Pipeline, Vehicle, WheelEstimator]
 PAGES = Path(__file__).parents[1] / "docs" / "api"
 SHORT = 3  # lines, within which a docstring names what it takes by itself
 

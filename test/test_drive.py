@@ -21,10 +21,10 @@ from rosbags.typesys import Stores, get_typestore
 from test_build import SOURCE_ONLY, output
 
 from tire_dynamics.build_state import how_to_compile, is_compiled
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.wiring import TICK, Events, Wiring
+from tire_dynamics.cdr import messages
 from tire_dynamics.estimator.belt import ring_angles
 from tire_dynamics.estimator.vehicle import Vehicle
+from tire_dynamics.replay.pipeline import TICK, Events, Pipeline
 from tire_dynamics.science.elementary import cos_sin
 
 store = get_typestore(Stores.ROS2_JAZZY)
@@ -162,21 +162,21 @@ def random_events(seed, count, irregular):
 # -- the same events in three ways --------------------------------------------------------------------------------
 
 
-def one_by_one(wiring, events):
+def one_by_one(pipeline, events):
     """Each input received, each tick made: topic and message of every output, with the event's number."""
     seen = []
     for place, (topic, received, _, tick, data) in enumerate(events):
         if topic == TICK:
-            seen += [(place, *output) for output in wiring.tick(tick) + wiring.belts()]
-        elif topic in wiring.inputs:
-            wiring.receive(topic, received, data)
+            seen += [(place, *output) for output in pipeline.tick(tick) + pipeline.belts()]
+        elif topic in pipeline.inputs:
+            pipeline.receive(topic, received, data)
     return seen
 
 
 def through_the_vehicle(values, events):
     """The same by the decoders and encoders of messages around a Vehicle; with its state, and what was malformed."""
-    wiring = Wiring(values)  # for its complete parameters
-    vehicle = Vehicle(wiring.vehicle.settings)
+    pipeline = Pipeline(values)  # for its complete parameters
+    vehicle = Vehicle(pipeline.vehicle.settings)
     samples, scale = values["ring_samples"], values["ring_shape_scale"]
     cosine, sine = cos_sin(ring_angles(samples))
     ring = messages.DeflectionEncoder(samples)
@@ -228,15 +228,15 @@ def columns_of(events, rng):
     return Events(topics, topic, received, published, tick, bytes(data), start, size)
 
 
-def at_once(wiring, events, rng, longest=60):
+def at_once(pipeline, events, rng, longest=60):
     """In stretches of random lengths: outputs as :func:`one_by_one` has them, the records looked at on the way."""
-    names = [*wiring.inputs, *wiring.outputs, TICK, "unknown"]
+    names = [*pipeline.inputs, *pipeline.outputs, TICK, "unknown"]
     channels = {name: 3 + 7 * place for place, name in enumerate(names) if name != "right/wheel_speed"}
     name_of = {channel: name for name, channel in channels.items()}
     seen, first = [], 0
     while first < len(events):
         stretch = events[first : first + int(rng.integers(1, longest))]
-        records = wiring.run(columns_of(stretch, rng), channels)
+        records = pipeline.run(columns_of(stretch, rng), channels)
         *found, _ = StreamReader(io.BytesIO(bytes(records.data) + FOOTER), skip_magic=True).records
         assert all(isinstance(record, Message) for record in found)
         assert np.diff([*records.starts, len(records.data)]).tolist() == [31 + len(record.data) for record in found]
@@ -248,7 +248,7 @@ def at_once(wiring, events, rng, longest=60):
                 assert (name_of[own.channel_id], own.data) == (topic, data)
                 assert (own.log_time, own.publish_time) == (received, published)
                 at += 1
-            while at < len(found) and name_of[found[at].channel_id] in wiring.outputs:
+            while at < len(found) and name_of[found[at].channel_id] in pipeline.outputs:
                 assert topic == TICK and (found[at].log_time, found[at].publish_time) == (received, published)
                 outputs[name_of[found[at].channel_id]] += 1
                 seen.append((first + place, name_of[found[at].channel_id], found[at].data))
@@ -266,7 +266,7 @@ def state_of(vehicle):
 
 def same_in_all_ways(values, events, seed):
     """The outputs, which are the same bits in every way."""
-    single, many = Wiring(values), Wiring(values)
+    single, many = Pipeline(values), Pipeline(values)
     expected, state, malformed = through_the_vehicle(values, events)
     assert one_by_one(single, events) == expected
     assert at_once(many, events, np.random.default_rng(seed)) == expected
@@ -289,13 +289,13 @@ def test_the_odd_events_are_there():
     """What the comparison above is worth: every outcome, malformed messages, stops and restarts, and many outputs."""
     counted, malformed, outputs, resets, stops, no_velocity = Counter(), Counter(), Counter(), 0, 0, 0
     for seed in range(4):
-        seen, wiring = same_in_all_ways(parameters(), random_events(seed, 600, 0.2), seed)
-        for each in wiring.vehicle.inputs:
+        seen, pipeline = same_in_all_ways(parameters(), random_events(seed, 600, 0.2), seed)
+        for each in pipeline.vehicle.inputs:
             counted.update(each.counts)
             stops += each.stops
-        malformed.update(wiring.malformed)
-        resets += wiring.vehicle.clock_resets
-        no_velocity += wiring.message_counts["no velocity"]
+        malformed.update(pipeline.malformed)
+        resets += pipeline.vehicle.clock_resets
+        no_velocity += pipeline.message_counts["no velocity"]
         outputs.update(topic.partition("/")[2] for _, topic, _ in seen)
     everything = {
         *("taken", "late", "repeated", "out of order", "not finite", "no stamp", "in the future", "speed too high"),
@@ -329,9 +329,9 @@ def test_a_motion_that_diverges_is_given_up_at_the_same_tick():
             events.append((f"{wheel}/wheel_speed", now, now, 0, number(2500.0 if k < 350 or place else 50.0)))
             events.append((f"{wheel}/load", now, now, 0, wrench(now, "", 0.0, 4000.0 + place + k % 7)))
         events.append((TICK, now, now, now, messages.encode_clock(now)))
-    _, wiring = same_in_all_ways(values, events, 2)
-    assert [each.divergences for each in wiring.vehicle.inputs] == [1, 1, 1]
-    assert [each.running for each in wiring.vehicle.inputs] == [True, False, False]
+    _, pipeline = same_in_all_ways(values, events, 2)
+    assert [each.divergences for each in pipeline.vehicle.inputs] == [1, 1, 1]
+    assert [each.running for each in pipeline.vehicle.inputs] == [True, False, False]
 
 
 def test_samples_that_wait_without_number():
@@ -343,26 +343,27 @@ def test_samples_that_wait_without_number():
         if k % 5 == 0:
             events.append(("joint_states", NOW + k, NOW, 0, joints(stamp, "", JOINTS, [], [90.0 + k] * 3, [])))
     events += [(TICK, NOW + k * MS, NOW, NOW + k * MS, messages.encode_clock(NOW + k * MS)) for k in range(1, 16)]
-    seen, wiring = same_in_all_ways(parameters(), events, 1)
-    assert len(seen) > 30 and sum(each.counts["taken"] for each in wiring.vehicle.inputs) > 500
+    seen, pipeline = same_in_all_ways(parameters(), events, 1)
+    assert len(seen) > 30 and sum(each.counts["taken"] for each in pipeline.vehicle.inputs) > 500
 
 
 @pytest.mark.parametrize("moment", [2**31 * 10**9, -(2**31) * 10**9 - 1])
 def test_a_tick_outside_ros_time_is_refused_before_anything_is_done(moment):
-    wiring, events = Wiring(parameters()), random_events(7, 50, 0.0)
-    before = state_of(wiring.vehicle)
+    pipeline, events = Pipeline(parameters()), random_events(7, 50, 0.0)
+    before = state_of(pipeline.vehicle)
     events.insert(40, (TICK, NOW, NOW, moment, messages.encode_clock(0)))
     with pytest.raises(messages.MessageError, match=f"{moment} ns is outside the range"):
-        wiring.run(columns_of(events, np.random.default_rng(1)), dict.fromkeys([*wiring.inputs, *wiring.outputs], 1))
+        channels = dict.fromkeys([*pipeline.inputs, *pipeline.outputs], 1)
+        pipeline.run(columns_of(events, np.random.default_rng(1)), channels)
     with pytest.raises(messages.MessageError, match=f"{moment} ns is outside the range"):
-        wiring.tick(moment)
-    assert state_of(wiring.vehicle) == before
+        pipeline.tick(moment)
+    assert state_of(pipeline.vehicle) == before
 
 
 def test_no_events_are_nothing():
-    wiring = Wiring(parameters())
-    records = wiring.run(columns_of(random_events(1, 3, 0.0), np.random.default_rng(1)).part(slice(0, 0)),
-                         dict.fromkeys([*wiring.inputs, *wiring.outputs, TICK], 1))  # fmt: skip
+    pipeline = Pipeline(parameters())
+    records = pipeline.run(columns_of(random_events(1, 3, 0.0), np.random.default_rng(1)).part(slice(0, 0)),
+                         dict.fromkeys([*pipeline.inputs, *pipeline.outputs, TICK], 1))  # fmt: skip
     assert (len(records.data), len(records.starts), records.received, records.written) == (0, 0, {}, {})
 
 
@@ -379,10 +380,10 @@ def bits_of_everything() -> str:
             for seed in SEEDS:
                 values = parameters(tire, model)
                 events = random_events(seed, 250 if tire == "uniform" else 80, 0.1 * seed)
-                wiring = Wiring(values)
-                for place, topic, data in at_once(wiring, events, np.random.default_rng(seed)):
+                pipeline = Pipeline(values)
+                for place, topic, data in at_once(pipeline, events, np.random.default_rng(seed)):
                     bits.update(f"{place} {topic} ".encode() + data)
-                bits.update(state_of(wiring.vehicle).encode())
+                bits.update(state_of(pipeline.vehicle).encode())
     return bits.hexdigest()
 
 

@@ -10,10 +10,8 @@ import numpy as np
 import pytest
 
 from tire_dynamics import TireWheelUnit, simulate, wheel
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.identify import statements
-from tire_dynamics.doors.messages import (
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import (
     FLOAT64,
     JOINT_STATE,
     WRENCH_STAMPED,
@@ -21,8 +19,10 @@ from tire_dynamics.doors.messages import (
     WrenchEncoder,
     encode_float64,
 )
-from tire_dynamics.doors.parameters import complete, read_config, unit_of
+from tire_dynamics.cli.identify import statements
+from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.identification import FITTED, UNSEEN, Identification, Recording, identify
+from tire_dynamics.replay.parameters import complete, read_config, unit_of
 from tire_dynamics.science.uncertainty import bands, sample, value_of, with_values
 
 pytestmark = pytest.mark.slow

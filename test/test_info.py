@@ -21,10 +21,10 @@ from rosbags.rosbag2 import Reader
 from test_cli import BEGIN, COMMAND, REPOSITORY, called, refused, write_bag
 from test_hostile import BAG, LIES, LONG, NO_FILES, file_of, in_a_process, no_files, servant, written  # noqa: F401
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.info import info
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64, encode_string
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64, encode_string
+from tire_dynamics.cli.info import info
 
 SAMPLE = REPOSITORY / "bags" / "sample"
 

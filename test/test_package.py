@@ -17,7 +17,7 @@ import yaml
 import tire_dynamics
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.build_state import CYTHON
-from tire_dynamics.doors.parameters import PARAMETERS, complete
+from tire_dynamics.replay.parameters import PARAMETERS, complete
 
 ROOT = Path(__file__).parents[1]
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.parameters import PARAMETERS, complete, read_config, unit_of, vehicle_settings
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.parameters import PARAMETERS, complete, read_config, unit_of, vehicle_settings
 
 CONFIG = Path(__file__).parents[1] / "config"
 ROWS = {row.name: row for row in PARAMETERS}

@@ -31,11 +31,11 @@ from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64, String
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.bag.writer import offered_qos
-from tire_dynamics.doors.messages import JointStateEncoder, encode_float64
-from tire_dynamics.doors.play import publisher_qos
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.bag.writer import offered_qos
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import JointStateEncoder, encode_float64
+from tire_dynamics.ros.play import publisher_qos
 
 REPOSITORY = Path(__file__).parents[1]
 PATIENCE = 180.0  # [s] after which what should have happened has not
@@ -106,7 +106,7 @@ def write_bag(folder: Path, count: int, *, stamp_lag: int = LAG, begin: int = BE
 @contextmanager
 def player(*arguments):
     process = subprocess.Popen(
-        [sys.executable, "-m", "tire_dynamics.doors.cli", "play", *map(str, arguments)],
+        [sys.executable, "-m", "tire_dynamics.cli.main", "play", *map(str, arguments)],
         env={**os.environ, "PYTHONPATH": str(REPOSITORY)},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,

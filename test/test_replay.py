@@ -18,14 +18,14 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from tire_dynamics import TireWheelUnit, simulate
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JointStateEncoder, WrenchEncoder, encode_float64
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64
+from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.vehicle import Vehicle, VehicleSettings
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.replay.replay import replay
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND
@@ -314,7 +314,7 @@ def test_a_topic_of_another_type_is_named(tmp_path):
 
 
 def _damaged_records():
-    good = json.loads(messages.decode_string(Wiring({"wheels": ["w"]}).record({})))
+    good = json.loads(messages.decode_string(Pipeline({"wheels": ["w"]}).record({})))
     yield from ("", "{}", "[]", "nonsense")
     for key in good:
         for value in (None, 5, "text", [5]):
@@ -457,7 +457,7 @@ def test_interrupting_leaves_nothing_behind(tmp_path):
 def interrupted(source: Path, tmp_path: Path) -> tuple[int, str]:
     """Exit status and last words of a replay that gets a SIGINT as soon as it has begun to write."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tire_dynamics.doors.cli", "replay", str(source), "-o", str(tmp_path / "out")],
+        [sys.executable, "-m", "tire_dynamics.cli.main", "replay", str(source), "-o", str(tmp_path / "out")],
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
         stderr=subprocess.PIPE,
         text=True,

@@ -25,12 +25,12 @@ from test_cli import called, refused
 from test_replay import BEGIN, SECOND, InputBag, constant, wild
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.report import analysis, theory
-from tire_dynamics.doors.report.findings import critical_range, number, seconds, summary
-from tire_dynamics.doors.report.gather import Drive, gather, has_outputs
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.replay import replay
+from tire_dynamics.report import analysis, theory
+from tire_dynamics.report.findings import critical_range, number, seconds, summary
+from tire_dynamics.report.gather import Drive, gather, has_outputs
 from tire_dynamics.science.response import frequency_response
 from tire_dynamics.science.uncertainty import bands, value_of
 from tire_dynamics.science.uncertainty import sample as sample_units
@@ -961,7 +961,7 @@ def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path
 
 @given(st.floats(1.0, 1e6), st.floats(1.1, 1e4))
 def test_axes_of_equal_ratios_have_ticks_within(low, ratio):
-    from tire_dynamics.doors.report.page import _log
+    from tire_dynamics.report.page import _log
 
     assume(ratio > 10.0)
     axis = _log(low, low * ratio)

@@ -1,4 +1,4 @@
-"""The storeys: science <- estimator <- doors. Imports point down only, and only the live doors know ROS."""
+"""The rooms of the package and their order: imports point down only, and only ``ros`` knows ROS."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tire_dynamics"
-STOREYS = ["science", "estimator", "doors"]
+STOREYS = ["science", "estimator", "files", "cdr", "bag", "replay", "figures", "report", "ros", "cli"]
 
 ROS = re.compile(
     r"rclpy|rpyutils|rosbag2_py|ament_index_python|launch(_\w+)?|(rosidl|tf2)_\w+|\w+_(msgs|srvs|interfaces)"
 )
 MAY_IMPORT_ROS = {
-    *("doors/deferred.py", "doors/demo.py", "doors/node.py", "doors/play.py", "doors/ros_parameters.py"),
-    "doors/start.py",
+    *("ros/deferred.py", "ros/demo.py", "ros/node.py", "ros/node_parameters.py", "ros/play.py"),
+    "ros/start.py",
 }
 
-# Below the doors everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
+# In the two lowest rooms everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
 # what is allowed there; a list of what is not could never be complete.
 PURE = {
     *("__future__", "abc", "array", "bisect", "cmath", "collections", "copy", "dataclasses", "enum"),
@@ -63,9 +63,9 @@ def objection(path: str, name: str, package: str) -> str | None:
     if ROS.fullmatch(top):
         return None if path in MAY_IMPORT_ROS else f"only {' and '.join(sorted(MAY_IMPORT_ROS))} know ROS"
     if top == package:
-        # `from tire_dynamics import simulate`: a public name comes from any storey but the doors.
+        # `from tire_dynamics import simulate`: the public names are those of the two rooms that are pure.
         target = rest[0] if rest and rest[0] in STOREYS else package
-        order = [*STOREYS[:2], package, STOREYS[2]]
+        order = [*STOREYS[:2], package, *STOREYS[2:]]
         return None if order.index(target) <= order.index(storey) else f"{target} is above {storey}"
     if storey in STOREYS[:2] and top not in PURE | MAY_ALSO_USE.get(path, set()):
         return f"{storey} is pure (PURE in {Path(__file__).name} is what that allows)"
@@ -84,7 +84,7 @@ def violations(package: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_imports_point_down_and_ros_stays_at_its_doors():
+def test_imports_point_down_and_ros_stays_in_its_room():
     assert violations(PACKAGE) == []
 
 
@@ -105,10 +105,10 @@ def package_of_one_file(folder: Path, path: str, source: str) -> Path:
     [
         ("science/ring.py", "from ..estimator import wheel"),
         ("science/ring.py", "from ..estimator.wheel import step as s"),
-        ("science/ring.py", "from .. import doors"),
+        ("science/ring.py", "from .. import cli"),
         ("science/ring.py", "from .. import simulate"),
         ("science/ring.py", "import tire_dynamics"),
-        ("science/ring.py", "import tire_dynamics.doors.bag as bag"),
+        ("science/ring.py", "import tire_dynamics.bag as bag"),
         ("science/ring.py", "def f():\n    from tire_dynamics.estimator import wheel"),
         ("science/ring.py", "from importlib import import_module"),
         ("science/ring.py", "import time"),
@@ -119,16 +119,16 @@ def package_of_one_file(folder: Path, path: str, source: str) -> Path:
         ("science/unit.py", "import time"),
         ("science/deep/ring.py", "from ...estimator import wheel"),
         ("science/__init__.py", "from ..estimator import wheel"),
-        ("estimator/wheel.py", "from ..doors import bag"),
+        ("estimator/wheel.py", "from ..bag import reader"),
         ("estimator/wheel.py", "from tire_dynamics import simulate"),
         ("estimator/wheel.py", "from datetime import datetime"),
         ("estimator/wheel.py", "class A:\n    import rclpy.node"),
-        ("estimator/wheel.py", "__import__('tire_dynamics.doors')"),
-        ("doors/bag.py", "import rclpy"),
-        ("doors/bag.py", "from geometry_msgs.msg import WrenchStamped"),
-        ("doors/cli.py", "def f():\n    from std_srvs.srv import Trigger"),
-        ("doors/cli.py", "import importlib\nimportlib.import_module('rclpy')"),
-        ("__init__.py", "from .doors import cli"),
+        ("estimator/wheel.py", "__import__('tire_dynamics.cli')"),
+        ("bag/reader.py", "import rclpy"),
+        ("bag/reader.py", "from geometry_msgs.msg import WrenchStamped"),
+        ("cli/main.py", "def f():\n    from std_srvs.srv import Trigger"),
+        ("cli/main.py", "import importlib\nimportlib.import_module('rclpy')"),
+        ("__init__.py", "from .cli import main"),
         ("__init__.py", "import rclpy"),
     ],
 )
@@ -140,13 +140,13 @@ def test_a_forbidden_use_is_found(tmp_path, path, source):
     ("path", "source"),
     [
         ("science/ring.py", "import numpy as np\nfrom scipy import optimize\nfrom .unit import Unit"),
-        ("science/unit.py", "from os import PathLike\nfrom . import yaml_file"),
-        ("science/yaml_file.py", "import yaml\nopen('x')"),
+        ("science/unit.py", "from os import PathLike\nfrom . import harmonics"),
+        ("files/yaml_file.py", "import yaml\nopen('x')"),
         ("estimator/wheel.py", "from ..science import ring\nfrom tire_dynamics.science.unit import Unit"),
-        ("doors/bag.py", "import time, mcap\nfrom ..estimator import wheel\nfrom . import log\nopen('x')"),
-        ("doors/bag.py", "import rosbags.typesys\nfrom tire_dynamics import simulate"),
-        ("doors/node.py", "import rclpy\nfrom std_msgs.msg import Float64"),
-        ("doors/play.py", "from rclpy.node import Node"),
+        ("bag/reader.py", "import time, mcap\nfrom ..estimator import wheel\nfrom . import log\nopen('x')"),
+        ("bag/reader.py", "import rosbags.typesys\nfrom tire_dynamics import simulate"),
+        ("ros/node.py", "import rclpy\nfrom std_msgs.msg import Float64"),
+        ("ros/play.py", "from rclpy.node import Node"),
         ("__init__.py", "from importlib import import_module\nfrom .estimator.simulate import simulate"),
     ],
 )
@@ -160,11 +160,11 @@ def test_an_allowed_use_is_not_reported(tmp_path, path, source):
     [
         "import tire_dynamics",
         "from tire_dynamics import *",
-        "import sys; sys.argv[1:] = ['--help']; from tire_dynamics.doors.cli import main; main()",
+        "import sys; sys.argv[1:] = ['--help']; from tire_dynamics.cli.main import main; main()",
     ],
     ids=["import", "every public name", "--help"],
 )
-def test_ros_is_loaded_only_by_its_doors(use):
+def test_ros_is_loaded_only_by_its_room(use):
     script = f"""
 import sys
 try:

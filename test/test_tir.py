@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tire_dynamics import TireWheelUnit, ring, wheel
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
+from tire_dynamics.files.tir_file import TirFile, read_tir
+from tire_dynamics.files.tir_unit import OPEN_FIELDS, unit_from_tir
 from tire_dynamics.science.coefficients import coefficients, static_compliance
-from tire_dynamics.science.tir_file import TirFile, read_tir
-from tire_dynamics.science.tir_unit import OPEN_FIELDS, unit_from_tir
 
 TABLE_1 = TireWheelUnit.table_1()
 GIVEN = {"wheel_mass": 12.0, "suspension_stiffness": 3.2e4}
@@ -659,7 +659,7 @@ def test_force_replaces(tmp_path):
 def test_as_a_program(tmp_path):
     """The status and the one line, as a shell sees them."""
     path = written(tmp_path, changed(BELT_IYY="0.9"))
-    command = [sys.executable, "-m", "tire_dynamics.doors.cli", "import-tir", str(path), *OPTIONS]
+    command = [sys.executable, "-m", "tire_dynamics.cli.main", "import-tir", str(path), *OPTIONS]
     done = subprocess.run([*command, "-o", str(tmp_path / "unit.yaml")], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)
     assert not (tmp_path / "unit.yaml").exists()

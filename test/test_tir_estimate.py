@@ -11,12 +11,12 @@ from test_identify import recording
 from test_tir import GIVEN, OPTIONS, refused, written
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.identify import prior_widths
+from tire_dynamics.cli.identify import prior_widths
+from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.identification import identify
-from tire_dynamics.science.tir_estimate import RULES, stiffness_of_size, tire_mass_of_size
-from tire_dynamics.science.tir_unit import unit_from_tir
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.files.tir_estimate import RULES, stiffness_of_size, tire_mass_of_size
+from tire_dynamics.files.tir_unit import unit_from_tir
 from tire_dynamics.science.uncertainty import bands, value_of
 
 # What is known of tires whose rigid ring was measured: Zegelaar (1998), whose tire Pacejka's book has, MF-Swift's two

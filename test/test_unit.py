@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tire_dynamics import TireWheelUnit, ring
-from tire_dynamics.science.yaml_file import read_yaml, yaml_number
+from tire_dynamics.files.yaml_file import read_yaml, yaml_number
 
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
 RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]

@@ -19,8 +19,8 @@ from std_srvs.srv import Trigger
 from test_turning_live import Wheel, arguments_of, diagnosis
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader
+from tire_dynamics.replay.replay import replay
 from tire_dynamics.science import nonuniform, turning
 from tire_dynamics.science.uniformity import OrderSums
 

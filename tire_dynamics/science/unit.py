@@ -12,9 +12,9 @@ from numbers import Real
 from os import PathLike
 from typing import Any, Final, Literal
 
+from ..files.yaml_file import read_yaml, yaml_value
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
-from .yaml_file import read_yaml, yaml_value
 
 __all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "TURNING", "TireWheelUnit"]
 
@@ -311,7 +311,7 @@ class TireWheelUnit:
         cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
     ) -> TireWheelUnit:
         """A unit with a property file's rigid ring, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
-        from .tir_unit import unit_from_tir  # which builds on this module
+        from ..files.tir_unit import unit_from_tir  # which builds on this module
 
         whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
         for doubt in whole.doubts:
