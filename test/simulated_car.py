@@ -1,7 +1,7 @@
 """Cars that drive over rough roads, with sensors and truth: what the load estimator is tried on.
 
-Nothing of it comes from the package: the equations are written anew in absolute coordinates (heave, pitch, roll and four
-wheels above a road of four tracks), so that a mistake in the estimator's is not repeated here. Several drives are
+Nothing of it comes from the package: the equations are written anew in absolute coordinates (heave, pitch, roll and
+four wheels above a road of four tracks), so that a mistake in the estimator's is not repeated here. Several drives are
 simulated at once.
 """
 
@@ -153,9 +153,7 @@ def _lag(signal: np.ndarray, time_constant: float) -> np.ndarray:
     return lfilter([a], [1.0, a - 1.0], signal)
 
 
-def simulate_drives(
-    car: Car, drives: list[Drive], seeds: list[int], sensors: Sensors | None = None
-) -> list[Recording]:
+def simulate_drives(car: Car, drives: list[Drive], seeds: list[int], sensors: Sensors | None = None) -> list[Recording]:
     """Drive the car; one recording for each drive, whose durations must be the same."""
     sensors = sensors or Sensors()
     many, duration = len(drives), drives[0].duration
@@ -238,9 +236,7 @@ def simulate_drives(
         if step % (RATE // 200) == 0:
             kept["load"].append(load)
         if step % every["imu"] == 0:
-            kept["imu"].append(
-                np.hstack([ax - g * dive, ay + g * lean, az + g, p, q, yaw[:, step, None]])
-            )
+            kept["imu"].append(np.hstack([ax - g * dive, ay + g * lean, az + g, p, q, yaw[:, step, None]]))
         if step % every["travel"] == 0:
             kept["travel"].append(travel)
         if step % every["hub"] == 0:

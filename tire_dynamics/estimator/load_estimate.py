@@ -19,9 +19,9 @@ FloatArray = NDArray[np.float64]
 class LoadEstimate(NamedTuple):
     """What :func:`estimate_loads` returns; wheels front left, front right, rear left, rear right.
 
-    ``time`` (M,) is in seconds, ``load`` and ``standard_deviation`` (M, 4) in N: 95 % of the errors should be within two of
-    them. ``band_hz`` is the frequency up to which the sources make the loads known, the lowest of any moment once each of
-    them has come. NaN stands where there is no estimate.
+    ``time`` (M,) is in seconds, ``load`` and ``standard_deviation`` (M, 4) in N: 95 % of the errors should be within
+    two of them. ``band_hz`` is the frequency up to which the sources make the loads known, the lowest of any moment
+    once each of them has come. NaN stands where there is no estimate.
     """
 
     time: FloatArray
@@ -42,14 +42,15 @@ def estimate_loads(
 ) -> LoadEstimate:
     """Vertical loads of four tires from what the vehicle measured, each from what came before it.
 
-    Every source may be None; each has times of its own [s], in any order. Wheels are front left, front right, rear left,
-    rear right.
+    Every source may be None; each has times of its own [s], in any order. Wheels are front left, front right, rear
+    left, rear right.
 
     Parameters
     ----------
     vehicle : VehicleParameters
     imu : (t, specific force, angular rate), optional
-        (N,), (N, 3) [m/s^2], (N, 3) [rad/s] at the sprung mass's centre of gravity, REP 103 axes; at rest z is +9.80665.
+        (N,), (N, 3) [m/s^2], (N, 3) [rad/s] at the sprung mass's centre of gravity, REP 103 axes; at rest z is
+        +9.80665.
     travel : (t, travel), optional
         (N,), (N, 4): compression of each spring from its position at rest [m].
     hub : (t, acceleration), optional
@@ -57,8 +58,8 @@ def estimate_loads(
     wheel_speed : (t, speed), optional
         (N,), (N, 4): spin [rad/s].
     at : array_like, shape (M,), optional
-        Ascending times for which loads are wanted [s]. Without it, the times of the IMU, or else of the hubs, the travel or
-        the wheel speeds.
+        Ascending times for which loads are wanted [s]. Without it, the times of the IMU, or else of the hubs, the
+        travel or the wheel speeds.
     noise : SensorNoise, optional
         Of the sensors; its defaults are a car's usual ones.
 
@@ -73,8 +74,8 @@ def estimate_loads(
 
     Notes
     -----
-    The samples go through :class:`~.load_filter.LoadFilter` one after the other, as in the live node: the same samples give
-    the same bits.
+    The samples go through :class:`~.load_filter.LoadFilter` one after the other, as in the live node: the same samples
+    give the same bits.
     """
     given = {"wheel_speed": wheel_speed, "imu": imu, "travel": travel, "hub": hub}
     columns = {"wheel_speed": 4, "imu": 6, "travel": 4, "hub": 4}
@@ -112,7 +113,8 @@ def estimate_loads(
             load[k], deviation[k] = car.load, car.standard_deviation
         if all(sum(car.counts[name].values()) for name in tables):
             band = min(band, car.band_hz)
-    return LoadEstimate(ticks * 1e-9, load, deviation, band if math.isfinite(band) else 0.0)
+    time = ticks.astype(np.float64) * 1e-9
+    return LoadEstimate(time, load, deviation, band if math.isfinite(band) else 0.0)
 
 
 def _stamps(name: str, times: FloatArray) -> NDArray[np.int64]:
@@ -136,6 +138,7 @@ def _table(name: str, source: Any, columns: int) -> tuple[NDArray[np.int64], Flo
     for part, given in zip(parts[1:], source[1:], strict=True):
         array = np.asarray(given, dtype=np.float64)
         if array.shape != (stamps.size, width):
-            raise ValueError(f"{part} of {name} has shape {array.shape}; with {stamps.size} times it must be {(stamps.size, width)}")
+            wanted = (stamps.size, width)
+            raise ValueError(f"{part} of {name} has shape {array.shape}; with {stamps.size} times it must be {wanted}")
         values.append(array)
     return stamps, np.concatenate(values, axis=1)

@@ -53,9 +53,9 @@ class _Kept(NamedTuple):
 class LoadFilter:
     """The loads on the four wheels of a car, in real time or faster.
 
-    Samples and calls of :meth:`advance` bring their own time stamps, in integer nanoseconds of one common clock; the filter
-    reads no clock, and the same calls in the same order give the same bits. Any of the sources may be missing, come at any
-    rate, and come and go.
+    Samples and calls of :meth:`advance` bring their own time stamps, in integer nanoseconds of one common clock; the
+    filter reads no clock, and the same calls in the same order give the same bits. Any of the sources may be missing,
+    come at any rate, and come and go.
 
     Parameters
     ----------
@@ -66,8 +66,8 @@ class LoadFilter:
 
     Notes
     -----
-    What happens to a sample, by its stamp s, the stamp k of the newest sample that has been worked in, and the time t that
-    the filter has been advanced to:
+    What happens to a sample, by its stamp s, the stamp k of the newest sample that has been worked in, and the time t
+    that the filter has been advanced to:
 
     =====================  ================  ================================================================
     case                   outcome           effect
@@ -80,13 +80,14 @@ class LoadFilter:
     nothing finite         ``not finite``    none
     =====================  ================  ================================================================
 
-    So the estimate at a time depends on the samples up to that time, not on the order in which they came, if none was later
-    than 50 ms. Of the four values of one sample, those that are NaN, infinite or beyond anything that a car does are left
-    out, and the others are used; of an IMU's, each.
+    So the estimate at a time depends on the samples up to that time, not on the order in which they came, if none was
+    later than 50 ms. Of the four values of one sample, those that are NaN, infinite or beyond anything that a car does
+    are left out, and the others are used; of an IMU's, each.
 
-    Between samples the equations of motion go on, and the standard deviations grow. A source that has not come for longer
-    than the timeout is not in use; the band is that of the best of those that are. When no sample at all has come for 500 ms,
-    there is no estimate; the next one begins anew, but for what was learnt of mass, levers, biases and road.
+    Between samples the equations of motion go on, and the standard deviations grow. A source that has not come for
+    longer than the timeout is not in use; the band is that of the best of those that are. When no sample at all has
+    come for 500 ms, there is no estimate; the next one begins anew, but for what was learnt of mass, biases and
+    road.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """The arithmetic of the load estimate: a car's equations of motion and the Kalman filter over them.
 
-Everything that later results depend on is one array of numbers, :attr:`CarFilter.buffer`; its copy is the filter's whole
-state. Every sum is taken in one order, over an axis that is not the last, and nothing calls LAPACK, BLAS or the C
+Everything that later results depend on is one array of numbers, :attr:`CarFilter.buffer`; its copy is the filter's
+whole state. Every sum is taken in one order, over an axis that is not the last, and nothing calls LAPACK, BLAS or the C
 library's exponential: the same calls give the same bits on every machine.
 """
 
@@ -21,9 +21,9 @@ __all__ = ["CarFilter", "SensorNoise"]
 
 FloatArray = NDArray[np.float64]
 
-# The state: way of each spring, deflection of each tire (from rest, compression positive), velocities of the body (heave,
-# roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative errors of the mass and of
-# the lever on which a specific force rolls and pitches the body.
+# The state: way of each spring, deflection of each tire (from rest, compression positive), velocities of the body
+# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative error of the mass,
+# and how much of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
 TRAVEL, TIRE, BODY, WHEEL = slice(0, 4), slice(4, 8), slice(8, 11), slice(11, 15)
 VELOCITY: Final = slice(8, 15)
 HEAVE, ROLL, PITCH, ALONG, ACROSS = 8, 9, 10, 15, 16
@@ -43,7 +43,8 @@ ALIKE: Final = 0.5  # correlation of the road under left and right wheels
 CREEP: Final = 0.05  # a car that stands may still be loaded: as much as at this speed [m/s]
 USUAL_SPEED: Final = 15.0  # where nothing tells the speed [m/s]
 LEARNING_TIME: Final = 10.0  # within which roughness and intensity of manoeuvres are forgotten [s]
-MASS_DRIFT: Final = 2e-3  # what the springs' ways tell of the mass is as good as the rates that are told [1 per sqrt s]
+MASS_DRIFT: Final = 5e-3  # so that the springs' ways, whose rates are told, do not settle the mass [1 per sqrt s]
+UNMODELLED: Final = 0.004  # of the load at rest, one standard deviation: what the equations do not have
 BALANCE: Final = 60.0  # below which the wheels' momentum is balanced [rad/s]
 OUTLIER: Final = 9.0  # a squared normalised innovation beyond is taken as this one when the roughness is learnt
 
@@ -63,12 +64,12 @@ class SensorNoise:
     hub_acceleration : float
         [m/s^2]
     speed_slope : float
-        How far the specific force may be from what wheel speeds say: slope and bank of the road [m/s^2]. Used only while
-        there is no IMU.
+        How far the specific force may be from what wheel speeds say: slope and bank of the road [m/s^2]. Used only
+        while there is no IMU.
     mass : float
         How far off the sprung mass may be, over the mass.
-    lever : float
-        How far off the levers may be on which a specific force rolls and pitches the body, over the lever.
+    tip : float
+        How far the body's weight may be from having no lever as it rolls and pitches; a real one has all of it, 1.
 
     Raises
     ------
@@ -117,8 +118,8 @@ class CarFilter:
     Ways and loads are counted from rest, so that gravity is left out; i is the wheel, at (x_i, y_i) from the centre of
     gravity. With q the ways of the springs and d the deflections of the tires:
 
-    - q_i' = u_i - (v_z + y_i p - x_i w), d_i' = s_i' - u_i; the road's s_i' is white, 2 (pi n_0)^2 Gd(n_0) v per unit of
-      time (ISO 8608, waviness 2), correlated left to right; over the wheelbase its warp is forgotten.
+    - q_i' = u_i - (v_z + y_i p - x_i w), d_i' = s_i' - u_i; the road's s_i' is white, 2 (pi n_0)^2 Gd(n_0) v per unit
+      of time (ISO 8608, waviness 2), correlated left to right; over the wheelbase its warp is forgotten.
     - F'_i = k_i q_i + c_i(q_i') q_i' + bar; m v_z' = sum F'_i; I_x p' = sum y_i F'_i + m (h - h_r) a_y;
       I_y w' = -sum x_i F'_i - m h a_x; m_i u_i' = k_t d_i - F'_i - G_i, with G_i what passes the springs.
     - The load is F_i = F_i0 + k_t d_i. What updates add to a wheel's momentum was load as well; below ``BALANCE`` it is
@@ -200,6 +201,7 @@ class CarFilter:
         self._hub_mass = masses * BALANCE
         self._tire = tire
         self.static = np.array(car.static_loads)
+        self._unmodelled = (UNMODELLED * self.static) ** 2
         self._carried = car.sprung_mass * share * GRAVITY
         self.radius, self.rear_track = car.rolling_radius, car.tracks[1]
         self._road = np.eye(4)
@@ -374,16 +376,16 @@ class CarFilter:
         rest = [along - float(self.x[ALONG]), across - float(self.x[ACROSS])]
         self._update(self._see_force, rest, [self.noise.speed_slope**2] * 2, (2, 2))
 
-    def _update(
-        self, see: FloatArray, innovation: list[float], noise: Sequence[float], tells: Sequence[int]
-    ) -> None:
-        """Take measurements at once, each after those before it; ``tells``: of the road (0), the manoeuvre (1), or neither."""
+    def _update(self, see: FloatArray, innovation: list[float], noise: Sequence[float], tells: Sequence[int]) -> None:
+        """Take measurements at once, each after those before it; ``tells``: of the road (0), manoeuvre (1), or none."""
         known = [k for k, value in enumerate(innovation) if value == value]
         if not known:
             return
         if len(known) < len(innovation):
             see = see[:, known]
-            innovation, noise, tells = ([each[k] for k in known] for each in (innovation, noise, tells))  # type: ignore[assignment]
+            innovation = [innovation[k] for k in known]
+            noise = [noise[k] for k in known]
+            tells = [tells[k] for k in known]
         count = len(known)
         p = self.p
         seen = _sum(see[:, :, None] * p[:, None, :])
@@ -394,7 +396,8 @@ class CarFilter:
         variance: list[float] = []
         fresh: list[float] = []
         for i in range(count):
-            row, mine, e = covariance[i], [], innovation[i]
+            mine: list[float] = []
+            row, e = covariance[i], innovation[i]
             prior = row[i]
             for j in range(i):
                 value = row[j]
@@ -427,7 +430,8 @@ class CarFilter:
         self._spread += _sum(jump * jump)
 
     def _learn(self, place: int, square: float, share: float) -> None:
-        """An intensity of noise from an innovation: its normalised square, and the share of the process in its variance.
+        """An intensity of noise from an innovation: its normalised square, and the share of the process in its
+        variance.
 
         A step of Newton's method on the likelihood, with the information of the last ten seconds.
         """
@@ -447,7 +451,7 @@ class CarFilter:
         load = self.static + self._carried * x[MASS] + self._tire * x[TIRE] + self._balance
         index = np.arange(4, 8)
         variance = self._tire * self._tire * p[index, index] + self._carried * self._carried * p[MASS, MASS]
-        variance = variance + 2.0 * self._tire * self._carried * p[TIRE, MASS] + self._spread
+        variance = variance + 2.0 * self._tire * self._carried * p[TIRE, MASS] + self._spread + self._unmodelled
         return np.maximum(load, 0.0), np.sqrt(np.maximum(variance, 0.0))
 
     def mass_error(self) -> tuple[float, float]:

@@ -97,7 +97,8 @@ class VehicleParameters:
             )
         if max(self.roll_centre_heights) >= self.cg_height:
             raise ValueError(
-                f"roll_centre_heights are {list(self.roll_centre_heights)!r}; each must be < cg_height = {self.cg_height!r}"
+                f"roll_centre_heights are {list(self.roll_centre_heights)!r}; each must be < cg_height = "
+                f"{self.cg_height!r}"
             )
         if not self.tire_rates:
             told = zip(self.unsprung_masses, self.spring_rates, strict=True)
