@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 GRAVITY = 9.80665
-RATE = 2000  # steps of the simulation [1/s]
+RATE = 1000  # steps of the simulation [1/s]
 
 
 @dataclass(frozen=True)

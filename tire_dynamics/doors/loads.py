@@ -51,13 +51,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.description = (
         "Estimates the load of each of four tires from an IMU, the springs' travel, hub accelerations and wheel "
-        "speeds, or from those of them that IN has, and writes the loads with their standard deviations (loads.csv) and a "
-        "picture (loads.png).\n\n"
+        "speeds, or from those of them that IN has, and writes the loads with their standard deviations (loads.csv) "
+        "and a picture (loads.png).\n\n"
         "IN is a folder with imu.csv (specific force x y z, then roll, pitch and yaw rate), travel.csv or "
-        "suspension.csv "
-        "(compression from rest), hub.csv (vertical specific force) and wheel_speed.csv: a line of names, times in "
-        "seconds in the first column, wheels in the order front left, front right, rear left, rear right. A column "
-        "whose name ends with _m_s2, _g, _rad_s, _deg_s, _mm, _m, _rpm, _m_s or _km_h is in that unit, else in SI."
+        "suspension.csv (compression from rest), hub.csv (vertical specific force) and wheel_speed.csv: a line of "
+        "names, times in seconds in the first column, wheels in the order front left, front right, rear left, rear "
+        "right. A column whose name ends with _m_s2, _g, _rad_s, _deg_s, _mm, _m, _rpm, _m_s or _km_h is in that "
+        "unit, else in SI."
     )
     parser.add_argument("input", metavar="IN", help="a folder of CSV files")
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the folder to write")

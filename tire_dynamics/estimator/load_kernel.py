@@ -22,8 +22,8 @@ __all__ = ["CarFilter", "SensorNoise"]
 FloatArray = NDArray[np.float64]
 
 # The state: way of each spring, deflection of each tire (from rest, compression positive), velocities of the body
-# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative error of the mass,
-# and how much of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
+# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative error of the
+# mass, and how much of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
 TRAVEL, TIRE, BODY, WHEEL = slice(0, 4), slice(4, 8), slice(8, 11), slice(11, 15)
 VELOCITY: Final = slice(8, 15)
 HEAVE, ROLL, PITCH, ALONG, ACROSS = 8, 9, 10, 15, 16
@@ -43,8 +43,8 @@ ALIKE: Final = 0.5  # correlation of the road under left and right wheels
 CREEP: Final = 0.05  # a car that stands may still be loaded: as much as at this speed [m/s]
 USUAL_SPEED: Final = 15.0  # where nothing tells the speed [m/s]
 LEARNING_TIME: Final = 10.0  # within which roughness and intensity of manoeuvres are forgotten [s]
-MASS_DRIFT: Final = 5e-3  # so that the springs' ways, whose rates are told, do not settle the mass [1 per sqrt s]
-UNMODELLED: Final = 0.004  # of the load at rest, one standard deviation: what the equations do not have
+MASS_DRIFT: Final = 2.5e-3  # so that the springs' ways, whose rates are told, do not settle the mass [1 per sqrt s]
+UNMODELLED: Final = 0.0045  # of the load at rest, one standard deviation: what the equations do not have
 BALANCE: Final = 60.0  # below which the wheels' momentum is balanced [rad/s]
 OUTLIER: Final = 9.0  # a squared normalised innovation beyond is taken as this one when the roughness is learnt
 

@@ -12,7 +12,7 @@ from typing import Any, Final
 
 from ..science.yaml_file import read_yaml
 
-__all__ = ["GRAVITY", "VehicleParameters"]
+__all__ = ["VehicleParameters"]
 
 GRAVITY: Final = 9.80665  # standard gravity [m/s^2]
 WHEEL_HOP: Final = 2.0 * math.pi * 12.0  # of a car whose tires' rate is not told [rad/s]: 10 to 15 Hz is usual
