@@ -51,7 +51,7 @@ def drive():
 
 @pytest.fixture(scope="session")
 def fullcar():
-    """The folder with a simulated car's sensors and wheel loads, made by another program; not part of this repository."""
+    """The folder with a simulated car's sensors and loads, made by another program; not part of this repository."""
     folder = Path(os.environ.get("TIRE_DYNAMICS_FULLCAR", REPOSITORY.parent / "shared" / "data" / "fullcar"))
     if not (folder / "truth.csv").is_file():
         pytest.skip(f"no simulated car in {folder}: TIRE_DYNAMICS_FULLCAR names the folder of truth.csv")

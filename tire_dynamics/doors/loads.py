@@ -294,9 +294,9 @@ def _draw(path: Path, estimate: LoadEstimate, begin: int, sources: Sequence[str]
     for wheel, (ax, name) in enumerate(zip(axes, NAMES, strict=True)):
         load, deviation = (each[::every, wheel] / 1e3 for each in (estimate.load, estimate.standard_deviation))
         ax.fill_between(
-            time, load - 2.0 * deviation, load + 2.0 * deviation, color="tab:blue", alpha=0.3, linewidth=0.0
+            time, load - 2.0 * deviation, load + 2.0 * deviation, color="tab:orange", alpha=0.6, linewidth=0.0, zorder=3
         )
-        ax.plot(time, load, color="black", linewidth=0.6)
+        ax.plot(time, load, color="0.2", linewidth=0.5)
         ax.set_ylabel(f"{name}\n[kN]")
         ax.grid(alpha=0.3)
         ax.margins(x=0.0)
@@ -304,7 +304,7 @@ def _draw(path: Path, estimate: LoadEstimate, begin: int, sources: Sequence[str]
     words = {"imu": "IMU", "travel": "travel", "hub": "hub accelerations", "wheel_speed": "wheel speeds"}
     known = ", ".join(words[name] for name in sources)
     figure.suptitle(
-        f"Wheel loads, estimated from {known}; in blue two standard deviations\n"
+        f"Wheel loads, estimated from {known}; in orange two standard deviations\n"
         f"Known up to some {estimate.band_hz:g} Hz",
         fontsize=10,
     )
