@@ -72,17 +72,22 @@ def driven():
     return [simulate_drives(car, [drive], [7])[0] for car in (Car(), Car().heavier(1.05))]
 
 
-@pytest.mark.parametrize("name", SETS)
-@pytest.mark.parametrize("heavier", [0, 1], ids=["as told", "heavier"])
+@pytest.mark.parametrize(("name", "heavier"), [("imu", 0), ("travel", 0), ("hub", 0), ("imu", 1), ("travel", 1)])
 def test_the_loads_of_a_car_of_our_own(driven, name, heavier):
-    """Its equations are written anew, in absolute coordinates. Two deviations must hold 90 % of the errors.
-
-    Of the heavier car's 80 %: in 6 s its mass has just been found.
-    """
+    """Its equations are written anew, in absolute coordinates. Two deviations must hold 90 % of the errors."""
     drive = driven[heavier]
     estimate = estimate_loads(CAR, **drive.sources(SETS[name]))
-    assert figures(drive.time, drive.load, estimate, 20.0)[2] >= (80.0 if heavier else 90.0)
+    assert figures(drive.time, drive.load, estimate, 20.0)[2] >= 90.0
     assert (estimate.load >= 0.0).all()
+
+
+def test_a_mass_that_is_off_is_found(driven):
+    """Some 4.7 % of the load is missing if it is not; after 5 s of curves less than half of that."""
+    drive = driven[1]
+    estimate = estimate_loads(CAR, **drive.sources(SETS["hub"]))
+    last = drive.time >= 5.0
+    error = (estimate.load - drive.load)[last].sum(1).mean() / drive.load[last].sum(1).mean()
+    assert abs(error) < 0.0235
 
 
 @pytest.mark.skipif(not os.environ.get("TIRE_DYNAMICS_NIGHTLY"), reason="half an hour: TIRE_DYNAMICS_NIGHTLY=1")
@@ -164,22 +169,19 @@ def test_what_cannot_be_seen_has_a_large_deviation():
     assert (doubtful.standard_deviation[-1] > 0.19 * carried).all()  # nothing in it tells a mean load
 
 
-def test_deviations_grow_when_sources_vanish_and_shrink_when_they_return():
+def test_deviations_grow_when_sources_vanish_and_shrink_when_they_return(driven):
     car = LoadFilter(CAR)
-    deviations = {}
-    for k in range(1200):
-        stamp = k * 5 * MILLISECOND
-        if not 400 <= k < 800:
-            car.add_travel(stamp, [0.0] * 4)
-            car.add_hub(stamp, [GRAVITY] * 4)
-        car.add_imu(stamp, [0.0, 0.0, GRAVITY], [0.0] * 3)
-        car.add_wheel_speed(stamp, [40.0] * 4)
+    seen = {}
+    for stamp, name, values in events(driven[0], 3.0):
+        if name in ("imu", "wheel_speed") or not 1.0 <= stamp * 1e-9 < 2.0:
+            feed(car, (stamp, name, values))
         car.advance(stamp)
-        deviations[k] = car.standard_deviation.max(), car.band_hz, car.sources
-    assert deviations[399][1:] == (20.0, ("wheel_speed", "imu", "travel", "hub"))
-    assert deviations[799][1:] == (2.0, ("wheel_speed", "imu"))
-    assert deviations[799][0] > 1.2 * deviations[399][0]
-    assert deviations[1199][0] < 1.1 * deviations[399][0]
+        seen[stamp // (10 * MILLISECOND)] = car.standard_deviation.min(), car.band_hz, car.sources
+    assert seen[99][1:] == (20.0, ("wheel_speed", "imu", "travel", "hub"))
+    assert seen[199][1:] == (2.0, ("wheel_speed", "imu"))
+    assert seen[299][1:] == (20.0, ("wheel_speed", "imu", "travel", "hub"))
+    assert seen[199][0] > 1.5 * seen[99][0]
+    assert seen[299][0] < 1.2 * seen[99][0]
 
 
 # --- samples ---
