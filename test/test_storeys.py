@@ -28,12 +28,13 @@ PURE = {
     *("functools", "heapq", "itertools", "math", "numbers", "operator", "re", "types", "typing", "warnings"),
     *("struct", "cython", "numpy", "scipy"),
 }
-# The parameters of a tire come from a file and go into one.
+# The parameters of a tire and of a car come from a file, and the tire's go into one.
 MAY_ALSO_USE = {
     "science/tir_file.py": {"os", "open"},
     "science/tir_unit.py": {"os"},
     "science/unit.py": {"os", "open"},
     "science/yaml_file.py": {"os", "yaml", "open"},
+    "estimator/vehicle_parameters.py": {"os"},
 }
 
 

@@ -9,17 +9,37 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .estimator.load_estimate import LoadEstimate, estimate_loads
+    from .estimator.load_filter import LoadFilter, SensorNoise
     from .estimator.simulate import Response, simulate
+    from .estimator.vehicle_parameters import VehicleParameters
     from .science import floquet, ring, wheel
     from .science.unit import TireWheelUnit
 
 __version__ = "0.1.0"
-__all__ = ["Response", "TireWheelUnit", "floquet", "ring", "simulate", "wheel"]
+__all__ = [
+    "LoadEstimate",
+    "LoadFilter",
+    "Response",
+    "SensorNoise",
+    "TireWheelUnit",
+    "VehicleParameters",
+    "estimate_loads",
+    "floquet",
+    "ring",
+    "simulate",
+    "wheel",
+]
 
 _HOMES = {
     "TireWheelUnit": ".science.unit",
     "Response": ".estimator.simulate",
     "simulate": ".estimator.simulate",
+    "LoadEstimate": ".estimator.load_estimate",
+    "estimate_loads": ".estimator.load_estimate",
+    "LoadFilter": ".estimator.load_filter",
+    "SensorNoise": ".estimator.load_filter",
+    "VehicleParameters": ".estimator.vehicle_parameters",
 }
 
 
