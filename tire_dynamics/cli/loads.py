@@ -226,7 +226,7 @@ def _table(path: Path, source: str, count: int, vehicle: VehicleParameters, rema
     for place, name in enumerate(columns):
         quantity = source if source != "imu" else ("specific force" if place < 3 else "rate")
         factors.append(_factor(name, quantity, vehicle.rolling_radius))
-    return 1e-9 * table.times, table.values * np.array(factors)
+    return table.times, table.values * np.array(factors)
 
 
 def _names(path: Path) -> list[str]:
