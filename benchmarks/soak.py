@@ -315,6 +315,8 @@ class Soak:
                 self.fail(f"the node of the quiet stretch ended with status {self.process.returncode}")
                 return
             self.quiet.append((at, resident(self.process.pid)))
+        over = time.monotonic() - self.begun
+        print(f"{over:7.1f} s  {seconds / 60.0:.1f} quiet minutes with one log, {self.quiet[-1][1]:.0f} MiB", flush=True)
 
     def quiet_memory(self) -> tuple[float, float, float]:
         """Of the quiet stretch: memory in its second quarter [MiB], what the last has more, and MiB an hour."""
@@ -484,7 +486,7 @@ class Soak:
         figures: dict[str, Any] = {}
         at = np.array([moment for moment, _ in self.samples])
         for name, bound in GROWTH.items():
-            if not self.end:
+            if not self.end or not self.samples:  # it failed, or was over, before the first fault
                 break
             series = np.array([sample[name] for _, sample in self.samples])
             growth = self.end[name] - self.beginning[name]
