@@ -306,4 +306,5 @@ def test_names_that_a_terminal_would_obey(tmp_path):
 
 
 def test_what_is_no_bag_says_what_is(tmp_path):
-    assert "a rosbag2 folder, or a .mcap, .db3 or .bag file is wanted" in refused("info", written(tmp_path / "a.mcap", "no bag"))
+    said = refused("info", written(tmp_path / "a.mcap", "no bag"))
+    assert "a rosbag2 folder, or a .mcap, .db3 or .bag file is wanted" in said

@@ -82,7 +82,7 @@ def info(path: str | PathLike[str], remaps: Mapping[str, str] | None = None) -> 
         "metadata": {name: content for name, content in sorted(reader.metadata.items()) if name != "rosbag2"},
         "log": _log(reader),
         "damage": reader.damage or None,
-        "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if reader.damage else None,
+        "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if reader.damage and reader.storage == "mcap" else None,
         "replay": _replay(reader, remaps or {}),
     }
 

@@ -202,13 +202,13 @@ class Ros1File(ForeignFile):
                 told.update(info.connection_counts)
                 if info.connection_counts:
                     self.start, self.end = min(self.start, info.start_time), max(self.end, info.end_time - 1)
-            store, known = _jazzy(), dict[str, bool]()
+            store, known = _jazzy(), dict[tuple[str, str], bool]()
             for connection in reader.connections:
-                kind = connection.msgtype
-                if kind not in known:
-                    known[kind] = _has_layout(store, kind, connection.msgdef.data)
+                kind, definition = connection.msgtype, connection.msgdef.data
+                if (kind, definition) not in known:
+                    known[kind, definition] = _has_layout(store, kind, definition)
                 topic = f"/{connection.topic.lstrip('/')}"
-                self.channels[connection.id] = topic, kind, "cdr" if known[kind] else "ros1"
+                self.channels[connection.id] = topic, kind, "cdr" if known[kind, definition] else "ros1"
                 self.counts[connection.id] = told[connection.id]
                 latched = getattr(connection.ext, "latching", None)
                 self.qos[connection.id] = _LATCHED if latched else ""
