@@ -18,7 +18,7 @@ import zlib
 from array import array
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, NamedTuple
 
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from .chunks import HEAD, heads_at
+from .clock import CLOCKS, on_clock
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
 from .records import (
     CHUNK,
@@ -60,6 +61,7 @@ _MAX_PENDING = 32 * 2**20  # bytes held back because chunks overlap in time
 _MAX_NAME = 20  # bytes of a compression's name
 _MAX_QOS = 8 * 2**20  # characters of the texts about QoS in a file; what is beyond is not needed to read it
 _MAX_UNPACKED = 128 * 2**20  # bytes of a chunk's messages that were compressed one by one
+_FIRST_SPANS = 4  # chunks that are read for the first messages of a topic
 _BLOCK = 4 * 2**20  # bytes of a block, beside what is held back
 
 _CHUNK_OPCODE = bytes([Opcode.CHUNK])
@@ -108,6 +110,9 @@ class BagReader:
     ----------
     path : path
         The folder or the file.
+    clock : {"stamp", "log"}, optional
+        One clock for log times and stamps in ``messages`` and ``blocks``, as :func:`.clock.on_clock` has it; default
+        both as they were recorded.
 
     Attributes
     ----------
@@ -138,8 +143,10 @@ class BagReader:
         If it is not a bag, or not one that can be read.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = Path(path)
+    def __init__(self, path: str | os.PathLike[str], clock: str | None = None) -> None:
+        if clock not in (None, *CLOCKS):
+            raise InputError(f"--clock is {clock!r}; it must be {' or '.join(CLOCKS)}")
+        self.path, self.clock = Path(path), clock
         self._files: list[_BagFile] = []
         self._foreign: list[ForeignFile] = []
         self.qos: dict[str, str] = {}
@@ -221,16 +228,37 @@ class BagReader:
         InputError
             As ``messages`` does.
         """
+        yield from self._rare(topic, None)
+
+    def _rare(self, topic: str, most_spans: int | None) -> Iterator[tuple[int, bytes]]:
         for foreign in self._foreign:
             yield from ((time, data) for _, time, data in foreign.messages({topic}, True))
         for file in self._files:
             routes = file.routes({topic}, {topic: 0})
-            for offset, length in file.places([c for c, (name, *_) in file.channels.items() if name == topic]):
+            places = file.places([c for c, (name, *_) in file.channels.items() if name == topic])
+            for offset, length in places[:most_spans]:
                 with reading(file.path):
                     data, rows = file.read(offset, length, routes)
                     columns = zip(*(rows[k].tolist() for k in (2, 4, 5)), strict=True)
                     some = [(time, data[start : start + size]) for time, start, size in columns]
                 yield from some
+            if places and most_spans is not None:
+                return
+
+    def first(self, topic: str, most: int) -> list[tuple[int, bytes]]:
+        """Log time and content of a topic's first messages, as far as a few chunks have them; no more is read.
+
+        Parameters
+        ----------
+        topic : str
+        most : int
+
+        Raises
+        ------
+        InputError
+            As ``messages`` does.
+        """
+        return list(islice(self._rare(topic, _FIRST_SPANS), most))
 
     def messages(self, topics: Iterable[str] | None = None, *, in_file_order: bool = False) -> Iterator[Message]:
         """All messages, in order of log time; of equal times, in the order of the files.
@@ -283,6 +311,10 @@ class BagReader:
         InputError
             As ``messages`` does, after all that stands before the damage.
         """
+        blocks = self._blocks(topics, in_file_order, least)
+        yield from blocks if self.clock is None else on_clock(blocks, self.topics.values(), self.clock)
+
+    def _blocks(self, topics: Iterable[str] | None, in_file_order: bool, least: int) -> Iterator[Block]:
         wanted = None if topics is None else frozenset(topics)
         numbers = {topic: number for number, topic in enumerate(self.topics)}
         if self._foreign:
