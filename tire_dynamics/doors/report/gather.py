@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from .. import messages
 from ..bag import BagReader, Block
 from ..errors import InputError
+from ..inputs import reasons
 from ..parameters import complete, unit_of
 from ..progress import progress
 from ..replay import log_record, log_topic, plan
@@ -175,6 +176,7 @@ class Drive:
     dropped: dict[str, int]
     changes: int = 0  # of the tire, in the drive
     clock_resets: int = 0
+    without: dict[str, str] = field(default_factory=dict)  # why a wheel has no outputs
 
     @property
     def unit(self) -> Any:
@@ -233,6 +235,7 @@ def gather(reader: BagReader, source: BagReader, *, replayed: bool = False, quie
         dropped={str(key): value for key, value in reading.dropped.items() if isinstance(value, int) and value > 0},
         changes=reading.changes,
         clock_resets=reading.clock_resets,
+        without=reading.reasons(reader),
     )
 
 
@@ -260,6 +263,10 @@ class _Reading:
         }
         self.full = set(self._names.values())
         self._joints = messages.JointStateDecoder()
+
+    def reasons(self, reader: BagReader) -> dict[str, str]:
+        """Why wheels have no outputs."""
+        return reasons(reader, self.parameters, self._names, [each.name for each in self.wheels if not each.outputs])
 
     def take(self, block: Block) -> None:
         """Take a block."""
