@@ -152,7 +152,7 @@ class _Tally:
             example = joints[0] if joints else "NAME"
             return (
                 f"no joint of joint_states is named {self._joints[wheel]}; its joints: {listed or 'none'}; "
-                f"--joint {wheel}:={example} takes one"
+                f"--joint {wheel}:={example} takes one, as joint_names of --config does"
             )
         if outcome == "no velocity":
             return "its joint_states have no velocities"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import struct
 import time
@@ -37,7 +38,7 @@ def play(
     Parameters
     ----------
     source : path
-        A rosbag2 folder or a .mcap file.
+        A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
     rate : float
         Speed of play; 2 is twice as fast as recorded.
     loop : bool
@@ -132,8 +133,9 @@ def _paced(
     for topic, _, log_time, _, data in reader.messages(publishers):
         if begin is None or recorded is None or last is None:
             begin, recorded, last = time.monotonic(), log_time, log_time
-        if (gap := (log_time - last) * 1e-9) > max_gap:
-            node.get_logger().warning(f"a gap of {_spoken(gap)} is skipped; --max-gap {gap:.0f} would keep it")
+        if log_time - last > max_gap * _SECOND:
+            gap = (log_time - last) / _SECOND
+            node.get_logger().warning(f"a gap of {_spoken(gap)} is skipped; --max-gap {math.ceil(gap)} keeps it")
             recorded += log_time - last
         last = log_time
         due = begin + (log_time - recorded) * 1e-9 / rate

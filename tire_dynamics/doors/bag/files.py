@@ -30,7 +30,6 @@ _BEGINS = {
 _LONGEST_BEGIN = max(map(len, _BEGINS))
 _MAX_METADATA_YAML = 2 * 2**20  # bytes; 300 topics take a tenth
 _MAX_DEPTH = 30  # of metadata.yaml; rosbag2's is 6
-_CONVERT = "rosbags-convert --src IN --dst OUT --dst-storage mcap makes a bag that is read"  # it comes with rosbags
 _PIECE = 2**12  # bytes that are unpacked together: at most 128 MiB
 _LARGE, _MAX_RATIO = 2**30, 1000  # no recording of more than so many bytes is compressed so well
 
@@ -149,9 +148,12 @@ def files_of(path: Path) -> list[Path]:
     except (yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         raise InputError(f"{metadata}: is not the description of a bag") from None
     if storage not in (MCAP, SQLITE, ""):  # "": the files say what they are
-        raise InputError(f"{path}: its storage is {storage!r}; mcap and sqlite3 are read; {_CONVERT}")
+        raise InputError(
+            f"{path}: its storage is {storage!r}; mcap and sqlite3 are read; ros2 bag convert makes such a bag of it, "
+            "where the plugin of that storage is installed"
+        )
     mode = mode.lower()
-    if mode not in ("none", "null", "~") and (mode not in ("file", "message", "storage") or how.lower() == "none"):
+    if mode not in ("none", "null", "~", "file", "message", "storage"):
         raise InputError(f"{path}: its compression_mode is {mode!r}; file, message or storage is read")
     if mode in ("file", "message") and how.lower() != "zstd":
         raise InputError(f"{path}: its compression_format is {how!r}; zstd is read")

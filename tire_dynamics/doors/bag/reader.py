@@ -60,7 +60,7 @@ _NO_TIME = 2**63 - 1  # of a file without messages
 _MAX_PENDING = 32 * 2**20  # bytes held back because chunks overlap in time
 _MAX_NAME = 20  # bytes of a compression's name
 _MAX_QOS = 8 * 2**20  # characters of the texts about QoS in a file; what is beyond is not needed to read it
-_MAX_UNPACKED = 128 * 2**20  # bytes of a chunk's messages that were compressed one by one
+_MAX_UNPACKED = 32 * 2**20  # bytes of a chunk's messages that were compressed one by one
 _FIRST_SPANS = 4  # chunks that are read for the first messages of a topic
 _BLOCK = 4 * 2**20  # bytes of a block, beside what is held back
 
