@@ -154,7 +154,10 @@ def at_once(vehicle, events, rng, tally=None):
 def state_of(vehicle):
     """What later outputs and the diagnostics depend on, without taking up the steps that wait."""
     return json.dumps(
-        [[schedule.snapshot(), schedule.counts, schedule.stops, schedule.divergences] for schedule in vehicle.schedules]
+        [
+            [schedule.snapshot(), schedule.counts, schedule.stops, schedule.divergences]
+            for schedule in vehicle.schedules
+        ]
         + [vehicle.time, vehicle.message_counts],
         sort_keys=True,
     )

@@ -542,7 +542,8 @@ def test_a_system_time_that_is_set_back_and_forth(rig, stepped_clock, monkeypatc
         assert rig.count("clock set back") <= 4  # the three large ones; that by less than a period is a matter of luck
         end(node)
     back = sum(
-        after <= before for before, after in zip([*map(stamp_of, forces)], [*map(stamp_of, forces[1:])], strict=False)
+        after <= before
+        for before, after in zip([*map(stamp_of, forces)], [*map(stamp_of, forces[1:])], strict=False)
     )
     assert 3 <= back <= 4  # stamps descend where the time does, and nowhere else
     assert np.isfinite([[m.wrench.force.x, m.wrench.force.z] for m in forces]).all()

@@ -469,7 +469,9 @@ def test_array_used_again_by_its_function():
         buffer[:] = A(t)
         return buffer
 
-    np.testing.assert_array_equal(floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers)
+    np.testing.assert_array_equal(
+        floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers
+    )
 
 
 # ---- input that cannot be used

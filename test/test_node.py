@@ -489,7 +489,6 @@ def test_paced_by_its_caller(ros_domain):
     node = TireDynamicsNode(context=context, arguments=["--ros-args", "-p", "rate_hz:=100.0"], paced=True)
     period = 0.01
     try:
-
         def ticks() -> tuple[int, int]:
             values = {pair.key: pair.value for pair in node._node_status().values}
             return int(values["ticks"]), int(values["ticks missed"])

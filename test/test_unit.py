@@ -40,6 +40,8 @@ def harmonics(most):
     return st.lists(one, max_size=4, unique_by=lambda item: item[0]).map(tuple)
 
 
+
+
 @st.composite
 def mappings(draw):
     """Every field, anywhere in its bounds."""

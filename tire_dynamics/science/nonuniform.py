@@ -52,7 +52,6 @@ Model = Literal["complete", "inextensional"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-
 @dataclass(frozen=True)
 class Nonuniformity:
     """How the sidewall's stiffness varies around the ring.
