@@ -440,6 +440,7 @@ def _declare(commands: _Commands) -> None:
     )
     identify.add_arguments(command)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=identify.run)
 
