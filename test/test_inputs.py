@@ -309,3 +309,30 @@ def test_a_remap_that_collides_names_the_two(tmp_path):
     remaps = {"left/load": "/right/load"}
     with pytest.raises(InputError, match=r"--remap makes /right/load both left/load and right/load"):
         replay(tmp_path / "bag", tmp_path / "out", remaps=remaps)
+
+
+def test_identify_reads_on_one_clock(tmp_path):
+    """Speeds and the measured force are stamped with simulated time, a Float64 load is not stamped."""
+    from argparse import Namespace
+
+    from tire_dynamics.doors.identify import read
+    from tire_dynamics.doors.replay import plan
+
+    with BagWriter(tmp_path / "bag") as bag:
+        states = bag.add_topic("/joint_states", messages.JOINT_STATE)
+        load = bag.add_topic("/w/load_force", messages.FLOAT64)
+        force = bag.add_topic("/hub", messages.WRENCH_STAMPED)
+        for moment in range(BEGIN, BEGIN + 120 * STEP, STEP):
+            bag.write(states, moment, moment, JointStateEncoder(["w"]).encode(simulated(moment), [60.0]))
+            bag.write(load, moment + 1, moment, encode_float64(4000.0))
+            bag.write(force, moment + 2, moment, WrenchEncoder("hub").encode(simulated(moment), 1.0, 2.0))
+    options = Namespace(measured="hub", wheel=None, begin=0.0, end=None, quiet=True)
+    reader = BagReader(tmp_path / "bag")
+    with pytest.raises(InputError, match="look at their stamps"):
+        read(reader, plan(reader), options)
+    reader = BagReader(tmp_path / "bag", "stamp")
+    recording, _ = read(reader, plan(reader), options)
+    expected = np.arange(120) * STEP / 2 / SECOND
+    # Times are taken from the beginning of the log, 1.7e9 s away: of 2e-7 s, as float64 has it.
+    for time in (recording.speed_time, recording.load_time, recording.force_time):
+        assert np.allclose(time, expected, rtol=0.0, atol=5e-7)
