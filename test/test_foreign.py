@@ -18,6 +18,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from tire_dynamics.doors import messages
 from tire_dynamics.doors.bag import BagReader
 from tire_dynamics.doors.bag.foreign import SqliteFile
+from tire_dynamics.doors.bag.records import MAX_CHUNK, DamageError, unpacked_message
 from tire_dynamics.doors.cli import main
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.info import info
@@ -317,6 +318,20 @@ def test_a_frame_that_claims_terabytes_is_refused(tmp_path, monkeypatch):
     (tmp_path / "a.mcap.zstd").write_bytes(packed)
     with pytest.raises(InputError, match="more than 100 times its size"):
         BagReader(tmp_path / "a.mcap.zstd")
+
+
+@pytest.mark.parametrize("name", ["ROS 1, bz2", "ROS 1, lz4"])
+def test_a_ros_1_chunk_that_grows_without_an_end_is_refused(bags, name, monkeypatch):
+    monkeypatch.setattr("tire_dynamics.doors.bag.foreign.MAX_CHUNK", 100)
+    with pytest.raises(InputError, match="a chunk claims more than 400 bytes"):
+        list(BagReader(bags(name)).messages())
+
+
+@pytest.mark.parametrize("claims", [True, False])
+def test_a_message_that_grows_without_an_end_is_refused(claims):
+    packer = zstandard.ZstdCompressor(write_content_size=claims)
+    with pytest.raises(DamageError, match="a message (claims|cannot be decompressed)"):
+        unpacked_message(packer.compress(bytes(2 * MAX_CHUNK)))
 
 
 def test_a_pointer_of_git_lfs_says_what_fetches_it(tmp_path, capsys):
