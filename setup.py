@@ -1,8 +1,55 @@
 import os
+import runpy
 import sys
 from glob import glob
 
-from setuptools import find_packages, setup
+from setuptools import Extension, find_packages, setup
+from setuptools.command.build_ext import build_ext
+
+BUILD_STATE = runpy.run_path("tire_dynamics/build_state.py")
+
+# Sums and products are neither fused nor reordered, whatever CFLAGS say: the same bits everywhere. Nothing here is made
+# for the processor at hand (-march=native), for the same reason.
+FLAGS = ["-O3", "-fno-fast-math", "-ffp-contract=off", "-g0"]  # -g0 halves the time
+FLAGS_MSVC = ["/O2", "/fp:precise"]
+
+
+class BuildCore(build_ext):
+    """Compiles the core; where that cannot be, the installation goes on, and the same source runs interpreted."""
+
+    def run(self):
+        in_place = self.inplace
+        try:
+            super().run()
+        except Exception as error:
+            # All or nothing; and nothing may stay that was compiled before a change of the source.
+            self.inplace = False
+            for extension in self.extensions:
+                built = self.get_ext_fullpath(extension.name)
+                beside = os.path.join(os.path.dirname(extension.name.replace(".", os.sep)), os.path.basename(built))
+                for file in [built, beside] if in_place else [built]:
+                    if os.path.exists(file):
+                        os.remove(file)
+            self.extensions = []
+            print(f"{type(error).__name__}: {error}", file=sys.stderr)
+            print(BUILD_STATE["how_to_compile"](building=True), file=sys.stderr)
+
+    def build_extension(self, extension):
+        if not BUILD_STATE["cython_suits"]():
+            raise ModuleNotFoundError("no Cython, or an old one")
+        from Cython.Build import cythonize
+
+        extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
+        # The C code goes to build/, not beside its source.
+        [made] = cythonize([extension], build_dir=os.path.join("build", "cython"), force=self.force, quiet=True)
+        extension.sources = made.sources
+        super().build_extension(extension)
+
+
+def extension(module):
+    source = os.path.join(*module.split("."))
+    return Extension(module, [f"{source}.py"], depends=["setup.py", *glob("tire_dynamics/**/*.pxd", recursive=True)])
+
 
 scripts = ["tire-dynamics = tire_dynamics.doors.cli:main"]
 # `ros2 run tire_dynamics node` looks for this name in lib/tire_dynamics, where colcon's commands put it.
@@ -15,6 +62,8 @@ if {"install", "develop"} & set(sys.argv):
 ROS_WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
 DASK = "distributed>=2024.1"
 SHTAB = "shtab>=1.9"  # which knows fish
+CYTHON = "Cython>=" + ".".join(map(str, BUILD_STATE["CYTHON"]))
+SETUPTOOLS = "setuptools>=70.1,<80"  # makes wheels by itself; takes colcon's `setup.py develop --editable`
 
 config = [(folder, files) for folder, _, files in os.walk("config") if files]  # installed as it stands
 
@@ -33,7 +82,9 @@ setup(
         ("share/tire_dynamics/launch", glob("launch/*.launch.py")),
         *((f"share/tire_dynamics/{folder}", [f"{folder}/{file}" for file in files]) for folder, files in config),
     ],
-    zip_safe=True,
+    ext_modules=[extension(module) for module in BUILD_STATE["CORE"]],
+    cmdclass={"build_ext": BuildCore},
+    zip_safe=False,
     python_requires=">=3.10",
     # numpy and scipy from 1.26 and 1.11: those of Ubuntu 24.04, on which ROS 2 Jazzy stands
     install_requires=[
@@ -52,16 +103,15 @@ setup(
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
         "plot": ["matplotlib>=3.6"],
-        "fast": ["numba>=0.58"],  # the loops compiled; the results have the same bits without
         "report": ["plotly>=6.0"],  # it brings the plotly.js that goes into the page
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
-        "colcon": ["colcon-common-extensions"],  # what `make colcon` builds with
+        "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
         "interop": ["cyclonedds==11.0.1"],  # another vendor's DDS, for `make interop`
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings-python>=2.0,<3", "latex2mathml>=3.78"],
         "test": [
             "pytest>=7.4", "pytest-xdist", "hypothesis>=6.98", "catkin_pkg", "playwright>=1.40", "ruff", "mypy",
-            "types-PyYAML", "scipy-stubs", DASK, SHTAB,
+            "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
         ],  # fmt: skip
     },
     entry_points={"console_scripts": scripts},

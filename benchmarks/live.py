@@ -11,11 +11,13 @@ latency   from a load's stamp, which is read right before it is sent, to the rec
           period is in the median of both
 achieved  wrenches received, in percent of the rate
 missed    instants of the rate between the first and the last wrench's stamp that no wrench was for
+memory    resident memory of the node's process at the end
 peer      processor time of this process; others: what else the machine did, in percent of one core. A machine
           that is busy with something else spoils the tails
 
-The stability part has the services called while the wheels run at the highest rate with a log: how long a reply
-takes, and what the calls do to the ticks.
+The stability part has the services called while the wheels run at the highest rate with a log, and a parameter of the
+tire changed twice a second: how long a reply takes, and what the calls and changes do to the ticks. Of tires that are
+not the same all around a call takes the longer the slower they turn.
 """
 
 from __future__ import annotations
@@ -38,8 +40,13 @@ from peer import Peer, null_node, our_node, own_domain, running
 NODES: dict[str, Callable[[float, Path | None], list[str]]] = {"node": our_node, "null": null_node}
 PATIENCE = 30.0  # [s] for a node to start
 WARM_UP = 1.0  # [s] of running that is not measured
-CALLS = {"none": 0.0, "20 per wheel and second": 80.0, "back to back": 1e6}
-TARGETS = {"cpu": 1.3, "p99": 1.5}
+CALLS = {"none": (0.0, 0.0), "20 per wheel and second": (80.0, 0.0), "back to back": (1e6, 0.0), "changes": (0.0, 2.0)}
+SLOW = (  # name, model, speed [rad/s]: what takes long, of tires that are not the same all around
+    ("varying, 80 rad/s", "inextensional", 80.0),
+    ("varying, 1 rad/s", "inextensional", 1.0),
+    ("varying, complete, 0.3 rad/s", "complete", 0.3),
+)
+TARGETS = {"cpu": 1.3, "p99": 1.5, "memory": 1.5}
 LEAST_ACHIEVED = 99.5  # [%]
 LONGEST_REPLY = 10.0  # [ms]
 MUCH_ELSE = 30.0  # [%] of one core
@@ -95,7 +102,7 @@ def live(folder: Path, rates: list[float], seconds: float, repeats: int) -> list
             case[name] = {figure: spread(run[figure] for run in runs) for figure in runs[0]}
         case["ratio"] = {
             figure: spread(a[figure] / b[figure] for a, b in zip(ours, null, strict=True))
-            for figure in ("cpu", "p50", "p99", "max")
+            for figure in ("cpu", "p50", "p99", "max", "memory")
         }
         result.append(case)
         rows += live_rows(case)
@@ -118,6 +125,7 @@ def live_rows(case: dict[str, Any]) -> Iterator[tuple[str, ...]]:
         ("max", "ms", ".1f"),
         ("achieved", "%", ".2f"),
         ("missed", "", ".0f"),
+        ("memory", "MB", ".0f"),
         ("peer", "%", ".1f"),
         ("others", "%", ".1f"),
     ):
@@ -135,9 +143,11 @@ def live_rows(case: dict[str, Any]) -> Iterator[tuple[str, ...]]:
 
 
 @contextlib.contextmanager
-def started(name: str, rate: float, log: Path | None) -> Iterator[tuple[subprocess.Popen[bytes], Peer]]:
+def started(
+    name: str, rate: float, log: Path | None, speed: float = 80.0
+) -> Iterator[tuple[subprocess.Popen[bytes], Peer]]:
     """A node in a process of its own, fed and warm."""
-    with running(NODES[name](rate, log)) as process, Peer(rate) as peer:
+    with running(NODES[name](rate, log)) as process, Peer(rate, speed) as peer:
         end = time.monotonic() + PATIENCE
         while not (peer.wrenches[0] and peer.connected()):
             peer.run(0.2)
@@ -147,16 +157,19 @@ def started(name: str, rate: float, log: Path | None) -> Iterator[tuple[subproce
         yield process, peer
 
 
-def measure(process: subprocess.Popen[bytes], peer: Peer, seconds: float, calls: float = 0.0) -> dict[str, float]:
+def measure(
+    process: subprocess.Popen[bytes], peer: Peer, seconds: float, calls: float = 0.0, changes: float = 0.0
+) -> dict[str, float]:
     """The figures of one run."""
     peer.settle()
     peer.forget()
     node, own, free, begin = cpu_of(process.pid), time.process_time(), idle(), time.monotonic()
     first = time.time_ns()
-    peer.run(seconds, calls_per_second=calls)
+    peer.run(seconds, calls_per_second=calls, changes=changes)
     last = time.time_ns()
     length = time.monotonic() - begin
     node, own, free = cpu_of(process.pid) - node, time.process_time() - own, idle() - free
+    memory = memory_of(process.pid)
     peer.settle()
     if process.poll() is not None:
         raise SystemExit(f"ended while it was measured: {' '.join(process.args)}")
@@ -178,6 +191,7 @@ def measure(process: subprocess.Popen[bytes], peer: Peer, seconds: float, calls:
         "missed_by_diagnostics": counted(peer, "ticks missed"),
         "not_logged": counted(peer, "log: dropped"),
         "loads_sent": float(len(peer.sent)),
+        "memory": memory,
         "peer": 100.0 * own / length,
         "others": 100.0 * ((os.cpu_count() or 1) * length - free - node - own) / length,
     }
@@ -195,6 +209,11 @@ def cpu_of(pid: int) -> float:
     return (int(after_name[11]) + int(after_name[12])) / os.sysconf("SC_CLK_TCK")
 
 
+def memory_of(pid: int) -> float:
+    """Resident memory of a process [MB]."""
+    return int(Path(f"/proc/{pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") * 1e-6
+
+
 def idle() -> float:
     """Processor time that the whole machine has spent on nothing [s]; time that is busy is counted less exactly."""
     waiting = Path("/proc/stat").read_text().split()[4:6]
@@ -207,19 +226,25 @@ def idle() -> float:
 def stability(folder: Path, rate: float, seconds: float, repeats: int) -> list[dict[str, Any]]:
     """The services at full load: the same process with calls and without, in turn."""
     found: dict[tuple[str, str], list[dict[str, float]]] = {}
+    speeds = dict.fromkeys(NODES, 80.0)
+    for name, model, speed in SLOW:
+        NODES[name], speeds[name] = partial(our_node, varying=True, model=model), speed
     for repeat in range(repeats):
-        for name in sorted(NODES, reverse=bool(repeat % 2)):
-            with started(name, rate, folder / f"{name}_stability_{repeat}") as (process, peer):
-                for calls, per_second in CALLS.items():
-                    run = measure(process, peer, seconds, per_second)
+        for name in sorted(speeds, reverse=bool(repeat % 2)):
+            log = folder / f"{name.replace(' ', '_')}_stability_{repeat}"
+            with started(name, rate, log, speeds[name]) as (process, peer):
+                for calls, (per_second, changes) in CALLS.items():
+                    if changes and name == "null":
+                        continue
+                    run = measure(process, peer, seconds, per_second, changes)
                     if per_second:
                         run |= replies(peer, seconds)
                     found.setdefault((name, calls), []).append(run)
             gc.collect()
     result = []
     rows = []
-    for (name, calls), runs in sorted(found.items(), key=lambda item: item[0][0] != "node"):
-        case = {"rate_hz": rate, "node": name, "calls": calls}
+    for (name, calls), runs in sorted(found.items(), key=lambda item: item[0][0] == "null"):
+        case = {"rate_hz": rate, "node": name, "calls": calls, "speed": speeds[name]}
         case |= {figure: spread(run[figure] for run in runs) for figure in runs[0]}
         result.append(case)
         reply = [shown(case[figure]) if figure in case else "" for figure in ("reply_p50", "reply_p99", "reply_max")]
@@ -234,16 +259,16 @@ def stability(folder: Path, rate: float, seconds: float, repeats: int) -> list[d
         ),
         rows,
     )
-    print(f"target: reply p99 <= {LONGEST_REPLY:g} ms, no tick missed for the calls")
+    print(f"target: reply p99 of uniform tires <= {LONGEST_REPLY:g} ms, no tick missed for calls or changes")
     return result
 
 
 def replies(peer: Peer, seconds: float) -> dict[str, float]:
     """From request to reply [ms]."""
-    times = np.array(peer.replies) * 1e-6
+    times = np.array(peer.replies or [np.nan]) * 1e-6  # [ns]; none where one takes longer than the run
     p50, p99 = np.percentile(times, [50, 99])
     return {
-        "calls_per_second": times.size / seconds,
+        "calls_per_second": len(peer.replies) / seconds,
         "reply_p50": float(p50),
         "reply_p99": float(p99),
         "reply_max": float(times.max()),

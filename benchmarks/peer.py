@@ -22,6 +22,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import WrenchStamped
 from null_node import PACINGS, RING_SAMPLES, SECOND, WHEELS
 from numpy.typing import NDArray
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import deserialize_message, serialize_message
@@ -71,7 +73,7 @@ VARYING = {
 }
 
 
-def our_node(rate: float, log: Path | None, varying: bool = False) -> list[str]:
+def our_node(rate: float, log: Path | None, varying: bool = False, model: str = "inextensional") -> list[str]:
     """The command line of the node with four wheels, whose tires may be not the same all around."""
     values = {
         "wheels": f"[{','.join(WHEELS)}]",
@@ -79,6 +81,7 @@ def our_node(rate: float, log: Path | None, varying: bool = False) -> list[str]:
         "ring_rate_hz": "50.0",
         "ring_samples": str(RING_SAMPLES),
         "n_max": "30",
+        "model": model,
         **({"log.directory": str(log)} if log else {}),
         **({f"tire.{name}": value for name, value in VARYING.items()} if varying else {}),
     }
@@ -124,9 +127,11 @@ class Peer:
     ----------
     rate : float
         Of the node [Hz].
+    speed : float
+        Of the wheels, about [rad/s].
     """
 
-    def __init__(self, rate: float) -> None:
+    def __init__(self, rate: float, speed: float = 80.0) -> None:
         self.rate = rate
         self._context = rclpy.context.Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
@@ -136,11 +141,12 @@ class Peer:
         self._loads = [create(WrenchStamped, f"{wheel}/load", qos_profile_sensor_data) for wheel in WHEELS]
         random = np.random.default_rng(1992)
         self._forces = random.normal(3500.0, 400.0, _VARIANTS).tolist()
-        self._speeds = (80.0 + np.cumsum(random.normal(0.0, 0.02, _VARIANTS))).tolist()
+        self._speeds = (speed + speed / 80.0 * np.cumsum(random.normal(0.0, 0.02, _VARIANTS))).tolist()
         self._load_messages = [_ready_made(_load(wheel), [_MARK]) for wheel in WHEELS]
         self._speed_message, self._speed_place = _ready_made(_joint_state(), [_MARK] * len(WHEELS))
         self._count = 0
         self._speed_due = 0
+        self._changes = 0
         deep = QoSProfile(depth=4000)
         outputs = [(WrenchStamped, f"{wheel}/axle_wrench") for wheel in WHEELS]
         outputs += [(Float64MultiArray, f"{wheel}/ring_deflection") for wheel in WHEELS]
@@ -154,6 +160,7 @@ class Peer:
         self._subscriptions = [item for _, _, item in subscriptions]
         self._next_rare = 0
         self._clients = [self._node.create_client(Trigger, f"{wheel}/floquet_stability") for wheel in WHEELS]
+        self._setter = self._node.create_client(SetParameters, "tire_dynamics/set_parameters")
         self.forget()
 
     def __enter__(self) -> Peer:
@@ -179,11 +186,17 @@ class Peer:
             self._node.count_publishers(item.topic_name) for item in self._subscriptions
         )
 
-    def run(self, seconds: float, *, until_wrench: bool = False, calls_per_second: float = 0.0) -> None:
-        """Feed and listen for a time, or until the first wrench; call the stability services meanwhile."""
+    def run(
+        self, seconds: float, *, until_wrench: bool = False, calls_per_second: float = 0.0, changes: float = 0.0
+    ) -> None:
+        """Feed and listen for a time, or until the first wrench; call the stability services meanwhile.
+
+        ``changes`` is how often in a second a parameter of the tire changes.
+        """
         period = 1.0 / (self.rate + 1.0)
         begin = due = time.monotonic()
         end = begin + seconds
+        change_due = begin
         ask = _Caller(self._clients, calls_per_second, self.replies) if calls_per_second else None
         while due < end:
             time.sleep(max(0.0, due - time.monotonic()))
@@ -192,6 +205,9 @@ class Peer:
             self._take_one_of_the_rest()
             if ask is not None:
                 ask.go_on()
+            if changes and time.monotonic() >= change_due:
+                change_due += 1.0 / changes
+                self._change_the_tire()
             if until_wrench and self.wrenches[0]:
                 return
             due += period
@@ -199,6 +215,14 @@ class Peer:
             if now - due > 10.0 * period:  # this machine stood still: go on from here, no burst
                 self.late += int((now - due) / period)
                 due = now
+
+    def _change_the_tire(self) -> None:
+        self._changes += 1
+        damping = 0.05 + 1e-6 * self._changes
+        value = ParameterValue(type=ParameterType.PARAMETER_DOUBLE, double_value=damping)
+        while self._setter.handle.take_response(SetParameters.Response)[0] is not None:
+            pass  # of the changes before
+        self._setter.handle.send_request(SetParameters.Request(parameters=[Parameter(name="tire.zeta_1", value=value)]))
 
     def settle(self) -> None:
         """Take what is still on its way."""

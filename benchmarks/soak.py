@@ -5,6 +5,9 @@ comes again. After each, the wrenches that the node sends are compared with `sim
 it; files of the log that are finished are replayed and compared bit for bit, and then deleted. In the end the node's
 memory, threads, file descriptors and shared memory have to be what they were in the beginning.
 
+Then a quiet stretch, a third as long again: another node with one log as it is by default, to which nothing happens.
+What its memory gains by the hour is what a log costs, which the faults' many logs would hide.
+
 The last line is the verdict; the exit status is 1 if anything was not as it should be.
 """
 
@@ -59,6 +62,9 @@ MOST, TOLERANCE, ANY = 0.9, 40.0, 760.0  # [], [N], [N]
 # What must not grow, and what is within its noise. Memory: between the second and the last quarter of the run, since
 # what a fault needs for the first time (another log, another client) stays with the process.
 GROWTH = {"memory [MiB]": 16.0, "threads": 0.0, "descriptors": 0.0, "shared memory [MiB]": 0.1}
+# Between the second and the last quarter of a quiet stretch of ten minutes, 5 minutes apart. 20 MB a day would be 0.07:
+# this is what a process's pages make of it.
+QUIET_GROWTH = 2.0  # [MiB]
 UNIT = TireWheelUnit.table_1()
 UNSTABLE = 6000.0  # [rad/s]: MODEL.md section 5 has the limit of Table 1 at 2350
 ERROR = b"\x02"
@@ -70,6 +76,7 @@ FloatArray = NDArray[np.float64]
 def main() -> int:
     options = argparse.ArgumentParser(description="The node under faults for a long time.")
     options.add_argument("--minutes", type=float, default=30.0, help="how long (default 30)")
+    options.add_argument("--quiet", type=float, help="minutes of the quiet stretch behind it (default a third of that)")
     options.add_argument("--rate", type=float, default=1000.0, help="of the node and of the loads [Hz] (default 1000)")
     options.add_argument("--seed", type=int, default=1, help="of the order of the faults and what is in them")
     options.add_argument("--only", metavar="FAULT", help="this kind alone")
@@ -87,6 +94,7 @@ def main() -> int:
         with soak:
             try:
                 soak.run_for(60.0 * given.minutes, given.only)
+                soak.stay_quiet(60.0 * (given.minutes / 3.0 if given.quiet is None else given.quiet))
             except Failure as failure:
                 soak.fail(str(failure))
         soak.afterwards()
@@ -211,6 +219,7 @@ class Soak:
         self.done: list[Done] = []
         self.failures: list[str] = []
         self.samples: list[tuple[float, dict[str, float]]] = []
+        self.quiet: list[tuple[float, float]] = []  # time [s] and memory [MiB]
         self.checks: list[tuple[Path, subprocess.Popen[str]]] = []
         self.files = self.compared = 0
         self.beginning: dict[str, float] = {}
@@ -234,18 +243,24 @@ class Soak:
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         try:
+            self.stop()
+        finally:
+            self.feeder.__exit__(None, None, None)
+
+    def stop(self) -> None:
+        """End the node as a user does."""
+        try:
             if self.process.poll() is None:
                 self.process.send_signal(signal.SIGCONT)
                 begin = time.monotonic()
                 self.process.send_signal(signal.SIGINT)
                 with contextlib.suppress(subprocess.TimeoutExpired):
                     self.process.wait(PATIENCE)
-                self.ended_in = time.monotonic() - begin
+                self.ended_in = max(self.ended_in, time.monotonic() - begin)
         finally:
             if self.process.poll() is None:
                 self.process.kill()
-            self.status_at_end = self.process.wait()
-            self.feeder.__exit__(None, None, None)
+            self.status_at_end = self.process.wait() or self.status_at_end
 
     # -- the run --------------------------------------------------------------------------------------------
 
@@ -283,6 +298,31 @@ class Soak:
         self.recover("the end", time.time_ns())
         self.end = self.now()
         self.node_files = shared_files(self.process.pid)
+
+    def stay_quiet(self, seconds: float) -> None:
+        """Feed another node, with one log, and look at its memory."""
+        if seconds <= 0.0 or self.failures:
+            return
+        self.stop()
+        self.process = subprocess.Popen(our_node(self.rate, self.folder / "quiet"), stderr=self.said)
+        self.feeder.forget()
+        self.await_(lambda: bool(self.feeder.wrenches[0]), "the node of the quiet stretch")
+        begin = time.monotonic()
+        while (at := time.monotonic() - begin) < seconds:
+            self.feeder.run(1.0)
+            self.feeder.forget()
+            if self.process.poll() is not None:
+                self.fail(f"the node of the quiet stretch ended with status {self.process.returncode}")
+                return
+            self.quiet.append((at, resident(self.process.pid)))
+
+    def quiet_memory(self) -> tuple[float, float, float]:
+        """Of the quiet stretch: memory in its second quarter [MiB], what the last has more, and MiB an hour."""
+        at, memory = np.array(self.quiet).T
+        quarter = len(at) // 4
+        before, after = np.median(memory[quarter : 2 * quarter]), np.median(memory[-quarter:])
+        slope = 3600.0 * np.polyfit(at[quarter:], memory[quarter:], 1)[0]
+        return float(before), float(after - before), float(slope)
 
     def fail(self, text: str) -> None:
         self.failures.append(text)
@@ -467,6 +507,15 @@ class Soak:
         print_table(("fault", "times", "right after [s]", "worst [s]"), kinds)
         print()
         print_table(("the node's", "beginning", "end", "growth", "bound"), rows)
+        quiet = ""
+        if len(self.quiet) >= 8:
+            seconds, (before, growth, per_hour) = self.quiet[-1][0], self.quiet_memory()
+            figures["quiet"] = {"seconds": seconds, "memory": before, "growth": growth, "per_hour": per_hour}
+            stretch = f"{seconds / 60.0:.1f} quiet minutes with one log: {before:.1f} MiB"
+            print(f"\n{stretch}, growth {growth:+.2f} (<= {QUIET_GROWTH:g}), {per_hour:+.1f} MiB/h")
+            quiet = f" ({per_hour:+.1f} in the quiet stretch)"
+            if growth > QUIET_GROWTH:
+                self.fail(f"memory grew by {growth:.1f} MiB in the quiet stretch")
         recovered = [one.recovered for one in self.done] or [0.0]
         ticks = [int(self.status().values.get(key, 0)) for key in ("ticks", "ticks missed")]
         slope = figures.get("memory [MiB]", {}).get("per_hour", 0.0)
@@ -479,7 +528,7 @@ class Soak:
         )
         verdict = "passed" if not self.failures else f"FAILED, {len(self.failures)} times: {self.failures[0]}"
         times = f"right again after {np.median(recovered):.2f} s (median), {max(recovered):.2f} s (worst)"
-        what = f"{minutes:.1f} minutes, {len(self.done)} faults, {times}, memory {slope:+.1f} MiB/h"
+        what = f"{minutes:.1f} minutes, {len(self.done)} faults, {times}, memory {slope:+.1f} MiB/h{quiet}"
         print(f"soak: {what}: {verdict}", flush=True)
         return 1 if self.failures else 0
 

@@ -6,7 +6,6 @@ import os
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 import fcntl
-import itertools
 import tempfile
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -15,16 +14,17 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tire_dynamics.doors.compilation import compile_kernels
-
 REPOSITORY = Path(__file__).parents[1]
 
-# No deadline: how long an example takes says more about the machine than about the code. In CI the examples
-# are the same every time, so that a red run is the change's fault, and half as many; elsewhere each run looks for new
-# ones.
-settings.register_profile("local", deadline=None)
-settings.register_profile("ci", deadline=None, derandomize=True, max_examples=50)
-settings.load_profile("ci" if os.environ.get("CI") else "local")
+# How properties run. No deadline: how long an example takes says more about the machine than about the code. The
+# examples are the same every time, whatever the environment says, so that a red run is the change's fault; nothing is
+# kept from run to run. `make nightly` looks for new ones: it gives --hypothesis-profile and --hypothesis-seed, and
+# prints the seed.
+_ALWAYS = {"deadline": None, "database": None}
+settings.register_profile("fixed", derandomize=True, max_examples=50, **_ALWAYS)
+settings.register_profile("few", derandomize=True, max_examples=5, **_ALWAYS)
+settings.register_profile("random", max_examples=200, print_blob=True, **_ALWAYS)
+settings.load_profile("fixed")
 
 
 def pytest_collection_modifyitems(items):
@@ -32,12 +32,6 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if "ros_domain" in item.fixturenames:
             item.add_marker(pytest.mark.live)
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compiled():
-    """The loops are compiled before the first test, whose time would not be its own."""
-    compile_kernels()
 
 
 @pytest.fixture(scope="session")
@@ -49,7 +43,12 @@ def drive():
     return folder
 
 
-_domains = itertools.count(os.getpid())
+def _rested(lock: Path) -> float:
+    """When a domain was left; 0 if never. A process that was killed in it is seen by others for some 20 s more."""
+    try:
+        return lock.stat().st_mtime
+    except FileNotFoundError:
+        return 0.0
 
 
 @pytest.fixture
@@ -62,14 +61,17 @@ def ros_domain(monkeypatch, tmp_path):
     """
     if find_spec("rclpy") is None:
         pytest.skip("rclpy is not installed: the extra `ros` brings it where there are wheels, else ROS does")
-    for number in itertools.islice(_domains, 101):
-        domain = number % 101 + 1  # not 0, everyone's default; above 101 ports run into Linux's own
+    folder = Path(tempfile.gettempdir())
+    locks = {folder / f"tire_dynamics_domain_{n}.lock": n for n in range(1, 102)}  # 0 is everyone's; then Linux's ports
+    for path in sorted(locks, key=_rested):
         try:
-            lock = open(Path(tempfile.gettempdir()) / f"tire_dynamics_domain_{domain}.lock", "a")
+            lock = open(path, "a")
         except PermissionError:  # another user's
             continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # ends with the process, however that ends
+            os.utime(path)
+            domain = locks[path]
             break
         except BlockingIOError:
             lock.close()
@@ -80,6 +82,7 @@ def ros_domain(monkeypatch, tmp_path):
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
     with lock:
         yield domain
+        os.utime(path)
 
 
 @pytest.fixture

@@ -27,7 +27,7 @@ from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
 from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
+from tire_dynamics.doors.bag import BagReader, BagWriter, definitions
 from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
 
@@ -60,6 +60,23 @@ def read(path: Path) -> Written:
     return [(log_time, data) for _, _, log_time, _, data in BagReader(path).messages()]
 
 
+@pytest.mark.parametrize("msgtype", definitions.HASHES)
+def test_the_definitions_that_are_written_are_those_of_ros(msgtype):
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    assert definitions.definition(msgtype) == text
+    assert definitions.HASHES[msgtype] == store.hash_rihs01(msgtype)
+
+
+def test_other_types_of_the_common_interfaces_can_be_written_too(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/imu", "sensor_msgs/msg/Imu")
+        with pytest.raises(InputError, match="'some_msgs/msg/Odd' is not known"):
+            writer.add_topic("/odd", "some_msgs/msg/Odd")
+    with Reader(tmp_path / "bag") as reader:
+        [connection] = reader.connections
+    assert connection.msgdef.data == store.generate_msgdef("sensor_msgs/msg/Imu", ros_version=2)[0]
+
+
 def mcap_of(folder: Path) -> Path:
     return folder / f"{folder.name}_0.mcap"
 
@@ -67,6 +84,7 @@ def mcap_of(folder: Path) -> Path:
 # --- what others read of ours ---
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "lz4", "zstd"])
 def test_rosbags_reads_the_same_values_and_qos(tmp_path, compression):
     encoder = WrenchEncoder("wheel_axle")
@@ -254,6 +272,7 @@ def test_every_way_to_lay_out_a_file_is_read(tmp_path, options):
 # --- order and selection ---
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(st.lists(st.integers(0, 30), max_size=40), min_size=1, max_size=3), st.integers(50, 500))
 def test_messages_come_in_order_of_log_time_then_of_the_files(tmp_path_factory, files, chunk_size):
@@ -286,6 +305,7 @@ def test_topics_select(tmp_path):
     assert len(list(reader.messages())) == 60  # as often as one likes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("chunks", [True, False])
 def test_memory_holds_a_few_chunks_and_not_the_bag(tmp_path, chunks):
     path = tmp_path / "file.mcap"
@@ -544,6 +564,7 @@ def test_a_topic_of_two_types_says_both(tmp_path):
     assert BagReader(path).topics == {"/speed": "a/msg/A, a/msg/B"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compression", ["", "zstd"])
 def test_a_truncated_file_is_read_as_far_as_it_goes(tmp_path, compression):
     whole = write_floats(tmp_path / "bag", range(40), compression=compression)
@@ -562,6 +583,7 @@ def test_a_truncated_file_is_read_as_far_as_it_goes(tmp_path, compression):
     assert most == len(whole)  # the summary at the end is not needed
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=200)
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(tmp_path_factory, data):

@@ -95,6 +95,7 @@ def test_constant_inputs(model, speed):
 JUMP = 1e-7  # s; what the simulation takes for a jump of the inputs
 
 
+@pytest.mark.slow
 @models
 @settings(max_examples=12)
 @given(seed=st.integers(0, 2**32 - 1), varying=st.booleans())
@@ -244,6 +245,7 @@ def running(model):
     return estimator
 
 
+@pytest.mark.slow
 @models
 @settings(max_examples=25)
 @given(calls=CALLS)

@@ -127,6 +127,7 @@ def write_bag(folder: Path, sent: Messages, calls: list[int] | None = None, **op
     return mcap_of(folder).read_bytes() + (folder / "metadata.yaml").read_bytes()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=50)
 @given(message_lists, blocks_of, st.integers(0, 10_000), st.sampled_from(["", "lz4", "zstd"]))
 def test_a_block_is_written_as_its_messages_are(tmp_path_factory, sent, calls, chunk_size, compression):
@@ -204,6 +205,7 @@ def rows_of(blocks) -> list[tuple[str, int, int, bytes]]:
     return rows
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(
     st.lists(st.tuples(st.integers(1, 3), st.integers(0, 30), st.integers(0, 9), st.binary(max_size=40)), max_size=80),

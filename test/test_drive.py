@@ -163,6 +163,7 @@ def state_of(vehicle):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["inextensional", "complete"])
 @pytest.mark.parametrize("kernel", KERNELS)
 @pytest.mark.parametrize("tire", TIRES)
@@ -179,6 +180,7 @@ def test_at_once_is_one_by_one(model, kernel, tire, seed, irregular):
     assert many.snapshot() == single.snapshot()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["left", "all loads"])
 def test_a_wheel_that_waits_for_an_input_holds_nobody_up(missing):
     """The others are driven at once beside it."""
@@ -219,6 +221,7 @@ def test_a_motion_that_diverges_is_left_to_the_single_calls():
     assert state_of(many) == state_of(single)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(len(KERNELS) == 1, reason="Numba is not installed: the extra `fast` brings it")
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), complete=st.booleans())

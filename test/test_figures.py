@@ -234,6 +234,7 @@ def test_fig7_holds_the_reference_speeds(name, zeta_1, rpm):
     assert at(name, zeta_1)["critical_speed_zeta_s_0.05_rpm"] == pytest.approx(rpm, abs=50)  # "near", to 50 rpm
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("zeta_1", "rpm"), [(0.5, 5417), (0.1, 7986), (0.05, 13035), (0.02, 29965)])
 def test_fig7_holds_the_reference_speeds_with_a_reaction(zeta_1, rpm):
     assert at("fig7_damping", zeta_1)["critical_speed_reaction_inextensional_rpm"] == pytest.approx(rpm, abs=0.5)
@@ -375,6 +376,7 @@ def test_paths_of_the_multipliers_do_not_jump():
 # -- tongues --
 
 
+@pytest.mark.slow
 def test_tongues_are_those_of_floquet_analysis():
     """Points on the slopes and beside them, by the slow path; half a turn is a period in the fixed frame."""
     speed = table("tongues")["speed_rpm"]
@@ -421,10 +423,12 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_picture_and_its_numbers_for_every_figure(folder):
     assert {path.name for path in folder.iterdir()} == {f"{name}.{kind}" for name in FIGURES for kind in ("png", "csv")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_csv_holds_the_table(folder, name):
     with open(folder / f"{name}.csv", encoding="utf-8", newline="") as file:
@@ -446,6 +450,7 @@ def test_the_picture_can_be_read_and_shows_something(folder, name):
     assert not edges.any()  # nothing reaches the border, so nothing is cut off
 
 
+@pytest.mark.slow
 def test_an_output_that_holds_something_is_kept_unless_forced(tmp_path, monkeypatch):
     monkeypatch.setattr(command, "FIGURES", ("fig6",))
     assert command.figures(tmp_path) == [tmp_path / "fig6.png"]  # it exists, and is empty

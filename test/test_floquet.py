@@ -103,6 +103,7 @@ def test_mathieu_multipliers():
     assert result.period == math.pi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("q", [0.1, 1.0, 3.0])
 def test_mathieu_stability_boundaries(q):
     """The characteristic values a_m, b_m part stable from unstable (Abramowitz & Stegun 20.2, 20.3)."""
@@ -169,6 +170,7 @@ def test_meissner_with_a_jump_anywhere(a, q, switch, rtol):
         assert result.verdict == (UNSTABLE if trace > 2.0 else MARGINAL)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rtol", TOLERANCES)
 @pytest.mark.parametrize("place", [0.3, 0.6180339])
 def test_error_bound_holds_at_a_singularity(place, rtol):
@@ -283,6 +285,20 @@ def test_multipliers_do_not_depend_on_where_the_period_starts(seed, shift):
     difference = worst_difference(result.multipliers, shifted.multipliers)
     assert difference <= result.error_estimate + shifted.error_estimate
     assert difference < 1e-6 * max(1.0, result.spectral_radius)
+
+
+def test_balance_is_lapacks():
+    """To a factor of 2: where two are as good, rounding decides."""
+    random = np.random.default_rng(1992)
+    for _ in range(20):
+        n = int(random.integers(1, 9))
+        units = 10.0 ** random.uniform(-12.0, 12.0, n)
+        matrix = np.abs(random.normal(size=(n, n))) * units[:, None] / units
+        matrix[np.abs(matrix) < floquet.EPSILON * matrix.max()] = 0.0
+        ours = floquet.balance(matrix[None])[0]
+        scale = linalg.lapack.dgebal(matrix, scale=1)[3]
+        assert (np.abs(np.log2(ours) - np.log2(scale / scale[:, None])) <= 2.0).all()
+        assert (np.mod(np.log2(ours), 1.0) == 0.0).all()  # powers of two round nothing
 
 
 @pytest.mark.parametrize("unit_of_time", [1e-6, 1e3])
@@ -451,6 +467,7 @@ def test_order_and_consistency():
         result.verdict = STABLE
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_multiplier_that_underflows_keeps_its_exponent():
     result = floquet.analyze(lambda t: [[-1000.0 + math.cos(math.pi * t)]], 2.0)
@@ -469,9 +486,7 @@ def test_array_used_again_by_its_function():
         buffer[:] = A(t)
         return buffer
 
-    np.testing.assert_array_equal(
-        floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers
-    )
+    np.testing.assert_array_equal(floquet.analyze(reused, PERIOD).multipliers, floquet.analyze(A, PERIOD).multipliers)
 
 
 # ---- input that cannot be used
@@ -509,6 +524,7 @@ def test_bad_constant_matrix(matrix):
         floquet.analyze_constant(np.eye(2), 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize(
     ("A", "message"),

@@ -249,6 +249,7 @@ def hill_exponents(rotor, speed, order=6):
     return exponents[np.argsort(np.abs(exponents.imag))][: 2 * (rotor.blades + 2)]
 
 
+@pytest.mark.slow
 def test_hammonds_rotor_with_a_damper_out():
     """Stable with four dampers, unstable at some speeds with three: Hammond; G. Cassoni et al., doi 10.1115/1.4056591.
 
@@ -301,6 +302,7 @@ def edge(rotor, inside, outside):
     return inside
 
 
+@pytest.mark.slow
 def test_the_tongue_between_unequal_supports():
     """T. Yamamoto and H. Ota (J. Appl. Mech. 31, 1964): an unsymmetric rotor is unstable around 2 W = w_x + w_y.
 
@@ -355,6 +357,7 @@ def needed(blades, support, S):
     return (found[1] - found[0]) / width - 1.0, enough**2 * a * b / g**2 - 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("blades", [2, 4])
 @pytest.mark.parametrize("support", [0, 1])
 def test_the_damping_that_is_needed(blades, support):

@@ -25,6 +25,8 @@ from tire_dynamics.doors.parameters import complete, read_config, unit_of
 from tire_dynamics.estimator.identification import FITTED, UNSEEN, Identification, Recording, identify
 from tire_dynamics.science.uncertainty import bands, sample, value_of, with_values
 
+pytestmark = pytest.mark.slow
+
 CAR = TireWheelUnit.table_1(wheel_mass=35.0, suspension_stiffness=25e3, zeta_s=0.3, sidewall_damping="reaction")
 START = CAR.replace(zeta_1=0.065, zeta_s=0.21, suspension_stiffness=32e3)
 FIT = ("zeta_1", "suspension_stiffness", "zeta_s")
@@ -80,6 +82,7 @@ def test_force_x_shows_the_fore_aft_compliance():
     assert found.offset.shape == found.noise.shape == (2,)
 
 
+@pytest.mark.nightly
 def test_errors_are_honest(monkeypatch):
     """The study of `make identify-study`, reduced: noise, delay, gaps, rates, 30 % off."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))

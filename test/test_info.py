@@ -15,10 +15,11 @@ from datetime import datetime, timezone
 from pathlib import Path
 
 import pytest
+from examples import spared
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from test_cli import BEGIN, COMMAND, REPOSITORY, called, refused, write_bag
-from test_hostile import BAG, LIES, NO_FILES, file_of, in_a_process, no_files, servant, written  # noqa: F401
+from test_hostile import BAG, LIES, LONG, NO_FILES, file_of, in_a_process, no_files, servant, written  # noqa: F401
 
 from tire_dynamics.doors import messages
 from tire_dynamics.doors.bag import BagReader, BagWriter
@@ -166,12 +167,13 @@ def test_a_truncated_bag_is_counted_and_what_helps_helps(tmp_path, percent):
     assert counts == {topic: found.count(topic) for topic in counts} and sum(counts.values()) == content["messages"] > 0
     done = subprocess.run(
         [*COMMAND, *shlex.split(content["repair"].replace("OUT", "whole"))[1:]],
-        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(REPOSITORY)}, capture_output=True, timeout=60,
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(REPOSITORY)}, capture_output=True, timeout=300,
     )  # fmt: skip
     assert done.returncode == 0
     assert info(tmp_path / "whole")["damage"] is None and info(tmp_path / "whole")["messages"] >= content["messages"]
 
 
+@pytest.mark.slow
 def test_whether_it_can_be_replayed_is_what_replay_finds(tmp_path, log):
     with BagWriter(tmp_path / "other") as bag:
         bag.write(
@@ -243,7 +245,7 @@ def terminal(*arguments, **environment) -> str:
         while block := os.read(ours, 4096):
             shown += block
     os.close(ours)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
     return shown.decode().replace("\r\n", "\n")
 
 
@@ -270,7 +272,8 @@ def test_json_is_the_same_on_standard_output(tmp_path, path):
 # --- strangers' files ---
 
 
-@pytest.mark.parametrize("name", LIES)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", spared(LIES, LONG))
 def test_a_file_that_lies(tmp_path, name):
     """An answer on standard output or one line and status 2; always within the limits of time and memory."""
     path = written(tmp_path / "lie.mcap", file_of(LIES[name][0]()))
@@ -281,6 +284,7 @@ def test_a_file_that_lies(tmp_path, name):
     assert os.listdir(tmp_path) == ["lie.mcap"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NO_FILES)
 def test_what_is_no_file(no_files, name):  # noqa: F811
     status, out, err = in_a_process("info", no_files[name])

@@ -24,6 +24,8 @@ from tire_dynamics.doors.errors import InputError
 from tire_dynamics.doors.jobs import Failure, workers
 from tire_dynamics.doors.replay import replay
 
+pytestmark = pytest.mark.slow
+
 MAP = ("map", "--x", "zeta_1=0.05:0.5:120", "--y", "speed_rpm=0:20000:120")  # of two blocks of points
 
 
@@ -75,7 +77,7 @@ def started(*arguments, **options) -> subprocess.Popen:
 
 def until(condition, process: subprocess.Popen):
     """What the condition is as soon as it is true; fails if the process ends before."""
-    deadline = time.monotonic() + 60.0
+    deadline = time.monotonic() + 300.0
     while not (found := condition()):
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < deadline
@@ -181,7 +183,7 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, words):
 def test_progress_in_a_terminal_and_none_in_a_pipe(drives, tmp_path):
     arguments = ("replay", drives / "four", drives / "wild", "--jobs", 2, "-o")
     piped = started(*arguments, tmp_path / "piped")
-    assert piped.communicate(timeout=60)[1] == f"{tmp_path / 'piped'}: 2 of 2 bags replayed\n"
+    assert piped.communicate(timeout=300)[1] == f"{tmp_path / 'piped'}: 2 of 2 bags replayed\n"
     ours, theirs = pty.openpty()
     process = started(*arguments, tmp_path / "shown", stderr=theirs)
     os.close(theirs)
@@ -190,13 +192,14 @@ def test_progress_in_a_terminal_and_none_in_a_pipe(drives, tmp_path):
         while piece := os.read(ours, 4096):
             shown += piece
     os.close(ours)
-    assert process.wait(timeout=60) == 0
+    assert process.wait(timeout=300) == 0
     pytest.importorskip("rich", reason="rich is not installed, and without it there is no bar")
     bars = re.findall(r"(\d+)%.*?(\d) bags", shown.decode())  # of all bags, none of single ones
     assert bars[0] == ("0", "0") and bars[-1] == ("100", "2")
     assert {count for _, count in bars} <= {"0", "1", "2"} and shown.count(b"replay") > 1
 
 
+@pytest.mark.nightly
 def test_interrupting_ends_all_and_leaves_nothing_behind(long, tmp_path):
     bag, config = long
     out = tmp_path / "out"
@@ -206,7 +209,7 @@ def test_interrupting_ends_all_and_leaves_nothing_behind(long, tmp_path):
     try:
         until(lambda: len([*out.glob(".replay.*/*/.*/*.mcap")]) == 2, process)
         os.killpg(process.pid, signal.SIGINT)  # what a terminal does at Ctrl-C
-        _, said = process.communicate(timeout=30)  # the pipe's end: no process has it any more
+        _, said = process.communicate(timeout=300)  # the pipe's end: no process has it any more
     finally:
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -285,6 +288,7 @@ def cluster():
         yield cluster
 
 
+@pytest.mark.nightly
 def test_a_worker_that_is_killed_halfway_is_made_up_for(cluster, drives, long, tmp_path):
     import distributed
     import psutil  # which distributed stands on
@@ -307,7 +311,7 @@ def test_a_worker_that_is_killed_halfway_is_made_up_for(cluster, drives, long, t
         os.kill(victim, signal.SIGSTOP)
         assert at_work() == [victim]  # so that it cannot have come to the end
         os.kill(victim, signal.SIGKILL)
-        _, said = process.communicate(timeout=60)
+        _, said = process.communicate(timeout=300)
     finally:
         process.kill()
         process.wait()
@@ -321,6 +325,7 @@ def test_a_worker_that_is_killed_halfway_is_made_up_for(cluster, drives, long, t
     assert same_bytes(out / "short", tmp_path / "alone" / "short")
 
 
+@pytest.mark.nightly
 def test_a_cluster_fails_as_processes_do(cluster):
     """Even where others wait behind the one that ends its worker, and Dask takes them for as bad as that."""
     cluster.scheduler.allowed_failures = 0  # the default is 3, which takes longer
@@ -333,6 +338,7 @@ def test_a_cluster_fails_as_processes_do(cluster):
         assert results[number] == expected
 
 
+@pytest.mark.nightly
 def test_a_map_on_a_cluster_has_the_same_bytes(cluster, tmp_path):
     assert called(*MAP, "-o", tmp_path / "a.png").returncode == 0
     done = called(*MAP, "-o", tmp_path / "b.png", "--scheduler", cluster.scheduler_address)
@@ -342,6 +348,7 @@ def test_a_map_on_a_cluster_has_the_same_bytes(cluster, tmp_path):
         assert all(one[name].tobytes() == other[name].tobytes() for name in one)
 
 
+@pytest.mark.nightly
 @pytest.mark.parametrize("silent", [False, True])
 def test_a_scheduler_that_does_not_answer(drives, tmp_path, monkeypatch, silent):
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")

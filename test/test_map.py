@@ -64,6 +64,7 @@ def axes(draw, unit):
 # -- every point ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=40)
 @given(
     data=st.data(),
@@ -319,6 +320,7 @@ def test_wrong_model():
 # -- the command ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_files(tmp_path):
     """What is in the .npz, and that a second run writes the same bytes."""
     arguments = ("map", "--x", "zeta_1=0.1:0.5:9", "--y", "speed_rpm=-9000:9000:13", "-o")

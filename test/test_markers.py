@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
@@ -70,6 +71,8 @@ def test_what_is_drawn():
     np.testing.assert_allclose(coordinates(contact), [(0.05, 0.0, -0.7), down], rtol=0, atol=1e-15)
 
 
+@pytest.mark.slow
+@examples(10, nightly=100)
 @given(stamps, texts, st.integers(3, 100), forces, forces, st.floats(0.0, 1e-2))
 def test_others_write_the_same_bytes(stamp_ns, frame_id, points, axle_force, load, scale):
     """What rosbags and ROS read is, written again, what was built: there is no byte that only we see."""

@@ -334,6 +334,7 @@ def integrated(A, period, n, omega=600.0):
 DIRECT = 1e-12
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("unit", [TABLE_1, UNDAMPED], ids=["damped", "undamped"])
 @pytest.mark.parametrize("speed", [150.0, -271.4, 493.4, 640.0, 1500.0])
@@ -347,6 +348,7 @@ def test_multipliers_against_direct_integration(model, unit, speed):
         assert worst_difference(expected, result.multipliers) < DIRECT * max(1.0, result.spectral_radius)
 
 
+@pytest.mark.slow
 @both
 @pytest.mark.parametrize("unit", [TABLE_1, UNDAMPED.replace(longitudinal_stiffness=2e5)], ids=["damped", "undamped"])
 def test_coupled_modes_against_direct_integration(model, unit):
@@ -357,6 +359,7 @@ def test_coupled_modes_against_direct_integration(model, unit):
     assert worst_difference(expected, result.multipliers) < DIRECT
 
 
+@pytest.mark.slow
 @both
 @settings(max_examples=8, deadline=None)
 @given(unit=units(), nonuniformity=nonuniformities, speed=speeds.filter(lambda w: abs(w) > 300.0))
@@ -646,6 +649,7 @@ def edges(nonuniformity, tip, unit=UNDAMPED, model="inextensional"):
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", range(6))
 def test_tongues_begin_at_the_tips(which):
     """Growth and width are as predicted but for the next order: a tenth of eps leaves a tenth of the relative error."""
@@ -668,6 +672,7 @@ def test_differences_open_nothing():
             assert stability(UNDAMPED, second(0.05), speed + shift).verdict == MARGINAL
 
 
+@pytest.mark.slow
 @both
 def test_damping_lifts_the_tips(model):
     """The threshold is that of the map but for the next order, which a quarter of the damping leaves a quarter of."""
@@ -699,6 +704,7 @@ def test_tips_on_a_round_support(model):
         assert growth == pytest.approx(tip.growth, rel=0.05)
 
 
+@pytest.mark.slow
 def test_an_unround_support_splits_the_region_in_three():
     """H. Ota and K. Mizutani (Mem. Fac. Eng. Nagoya Univ. 34, 1983): here at both frequencies and between them."""
     _, high = (whirls(TABLE_1)[k][0] for k in (0, 2))
@@ -746,6 +752,7 @@ def test_map_is_stability_point_by_point(model, n_max):
             assert grid.growth[i, k] == pytest.approx(point.exponents.real.max(), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_map_has_tongues_at_the_tips_and_nowhere_else():
     """At eps = 0.01 half a tongue is `growth` wide; those of order 2 and 3 lie at halves and thirds of the sums."""
     tips = tongue_tips(UNDAMPED, second(0.01))

@@ -6,16 +6,17 @@ import ast
 import re
 import runpy
 import sys
-import types
 import xml.etree.ElementTree as ElementTree
 from importlib import import_module
 from pathlib import Path
 
 import pytest
+import setuptools
 import yaml
 
 import tire_dynamics
 from tire_dynamics import TireWheelUnit
+from tire_dynamics.build_state import CYTHON
 from tire_dynamics.doors.parameters import PARAMETERS, complete
 
 ROOT = Path(__file__).parents[1]
@@ -24,11 +25,8 @@ ROOT = Path(__file__).parents[1]
 def setup_arguments(*commands: str) -> dict:
     """What setup.py hands to setuptools when it is run with these commands."""
     arguments: dict = {}
-    setuptools = types.ModuleType("setuptools")
-    setuptools.setup = arguments.update
-    setuptools.find_packages = lambda include: include
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sys.modules, "setuptools", setuptools)
+        patch.setattr(setuptools, "setup", arguments.update)
         patch.setattr(sys, "argv", ["setup.py", *commands])
         patch.chdir(ROOT)
         runpy.run_path("setup.py")
@@ -170,10 +168,20 @@ def test_rosdep_installs_what_pip_installs():
     assert python_keys <= declared("exec_depend")
     ros_keys = declared("exec_depend") - python_keys
     assert [key for key in ros_keys if key.startswith("python3-") or key in ROSDEP_KEYS.values()] == []
+    assert declared("build_depend") == {"cython3", "python3-dev"}  # rosdistro's pull requests 27038 and 15328
     assert declared("test_depend") <= rosdep_keys(SETUP["extras_require"]["test"])
     assert "python3-pytest" in declared("test_depend")  # colcon runs pytest where the extra `test` names it
 
 
+def test_what_builds_the_package_is_named_alike():
+    """pip reads pyproject.toml, a build without isolation the extra."""
+    cython = f"Cython>={'.'.join(map(str, CYTHON))}"
+    requires = re.search(r"^requires = (\[.*\])$", (ROOT / "pyproject.toml").read_text(encoding="utf-8"), re.M)[1]
+    assert cython in ast.literal_eval(requires)
+    assert cython in SETUP["extras_require"]["test"] and cython in SETUP["extras_require"]["colcon"]
+
+
+@pytest.mark.slow
 def test_every_package_that_the_code_uses_is_declared():
     imported, messages = set(), set()
     for file in [*(ROOT / "tire_dynamics").rglob("*.py"), *(ROOT / "launch").glob("*.py")]:
@@ -189,6 +197,7 @@ def test_every_package_that_the_code_uses_is_declared():
     optional = [requirement for requirements in extras.values() for requirement in requirements]
     imported -= {re.split(r"[^a-z]", requirement)[0] for requirement in optional}  # nobody needs these
     assert {"launch", "numpy", "yaml"} <= imported and "geometry_msgs" in messages, "the search is broken"
+    imported.remove("cython")  # in the modules of the core, which run without
     keys = {name: {name, f"python3-{name}", ROSDEP_KEYS.get(name, name)} for name in imported | messages}
     assert [name for name, possible in keys.items() if not possible & declared("exec_depend")] == []
 

@@ -20,7 +20,7 @@ TIRE_FIELDS = (
     "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s", "zeta_n",
     "sidewall_damping", "contact_half_angle", "longitudinal_stiffness", "longitudinal_damping_ratio",
     "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
-    "radial_runout", "contact_stiffness",
+    "radial_runout", "contact_stiffness", "vertical_stiffness", "residual_damping", "sprung_mass",
 )  # fmt: skip
 
 
@@ -212,6 +212,7 @@ def test_numbers_as_people_write_them(tmp_path):
     assert all(type(value) is float for value in values.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("text", "named"),
     [

@@ -17,16 +17,28 @@ pytest.importorskip("rclpy", reason="rclpy is not installed: the extra `ros` bri
 from rclpy.context import Context
 from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
+from rclpy.qos import (
+    DurabilityPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_sensor_data,
+)
+from rosbags.interfaces import Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as RosbagsWriter
+from rosbags.typesys import Stores, get_typestore
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float64
+from std_msgs.msg import Float64, String
 
 from tire_dynamics.doors import messages
 from tire_dynamics.doors.bag import BagWriter
+from tire_dynamics.doors.bag.writer import offered_qos
 from tire_dynamics.doors.messages import JointStateEncoder, encode_float64
+from tire_dynamics.doors.play import publisher_qos
 
 REPOSITORY = Path(__file__).parents[1]
-PATIENCE = 30.0  # [s] after which what should have happened has not
+PATIENCE = 180.0  # [s] after which what should have happened has not
 SECOND = 10**9
 BEGIN = 1_600_000_000 * SECOND
 STEP = 20_000_000
@@ -81,8 +93,8 @@ def write_bag(folder: Path, count: int, *, stamp_lag: int = LAG, begin: int = BE
     """``count`` speeds and joint states, numbered, one of each every 20 ms; the last stamp is zero: none."""
     encoder = JointStateEncoder(["wheel"])
     with BagWriter(folder) as writer:
-        speed = writer.add_topic("/speed", messages.FLOAT64)
-        joints = writer.add_topic("/joint_states", messages.JOINT_STATE)
+        speed = writer.add_topic("/speed", messages.FLOAT64, "default")
+        joints = writer.add_topic("/joint_states", messages.JOINT_STATE, "default")
         for number in range(count):
             now = begin + number * STEP
             writer.write(speed, now, now, encode_float64(float(number)))
@@ -120,43 +132,40 @@ def ended(listener: Listener, process: subprocess.Popen) -> str:
 def test_all_messages_at_the_recorded_pace_with_stamps_moved_to_the_present(listener, tmp_path):
     count = 60
     bag = write_bag(tmp_path / "bag", count)
-    with player(bag, "--wait", "10") as process:
+    begun = time.time_ns()
+    with player(bag, "--wait", "120") as process:
         said = ended(listener, process)
     listener.until(lambda: len(listener.joints) == count, "the last message")
     assert f"{2 * count} messages" in said
     assert [value for _, value in listener.speeds] == [value for _, _, value in listener.joints] == [*range(count)]
-    # Pace: nothing comes before its time after the first; a busy machine may make it late.
-    first = listener.speeds[0][0]
-    early = [first + number * STEP - at for number, (at, _) in enumerate(listener.speeds)]
-    assert max(early) < 10_000_000  # the first itself may have been late
     # A stamp keeps its distance to the recording, which is now the moment of sending.
     for at, stamp, _ in listener.joints[:-1]:
-        assert stamp + LAG <= at
-        assert at - stamp < 5 * SECOND
+        assert begun <= stamp + LAG <= at
+    # Pace: nothing is sent before its time after the first; a busy machine may make it late, the first too, by less
+    # than it makes the sum of all.
+    sent = [stamp + LAG for _, stamp, _ in listener.joints[:-1]]
+    assert all(b - a > 0 for a, b in zip(sent, sent[1:], strict=False))
+    assert sent[-1] - begun >= (len(sent) - 1) * STEP
     assert listener.joints[-1][1] == 0  # no stamp stays no stamp
     stamps = [stamp for _, stamp, _ in listener.joints[:-1]]
     assert all(after > before for before, after in zip(stamps, stamps[1:], strict=False))
 
 
 def test_kept_stamps_and_another_rate(listener, tmp_path):
-    count = 100  # 2 s, at four times the pace half a second
+    count = 1000  # 20 s, at forty times the pace half a second
     bag = write_bag(tmp_path / "bag", count)
-    with player(bag, "--wait", "10", "--rate", "4", "--keep-stamps") as process:
+    with player(bag, "--wait", "120", "--rate", "40", "--keep-stamps") as process:
         ended(listener, process)
     listener.until(lambda: len(listener.joints) == count, "the last message")
     assert [stamp for _, stamp, _ in listener.joints[:-1]] == [BEGIN + i * STEP - LAG for i in range(count - 1)]
-    first = listener.speeds[0][0]
-    early = [first + number * STEP // 4 - at for number, (at, _) in enumerate(listener.speeds)]
-    assert max(early) < 10_000_000
-    median = sorted(b[0] - a[0] for a, b in zip(listener.speeds, listener.speeds[1:], strict=False))[count // 2]
-    assert median < STEP // 2  # faster than it was recorded
+    assert listener.speeds[-1][0] - listener.speeds[0][0] < count * STEP  # faster than it was recorded
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_loop_goes_on_until_a_signal(listener, tmp_path, number):
     count = 5
     bag = write_bag(tmp_path / "bag", count)
-    with player(bag, "--wait", "10", "--loop") as process:
+    with player(bag, "--wait", "120", "--loop") as process:
         listener.until(lambda: len(listener.speeds) > 3 * count, "three turns")
         process.send_signal(number)
         ended(listener, process)
@@ -166,10 +175,10 @@ def test_a_loop_goes_on_until_a_signal(listener, tmp_path, number):
 
 def test_a_pause_in_the_bag_ends_at_a_signal(listener, tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
-        speed = writer.add_topic("/speed", messages.FLOAT64)
+        speed = writer.add_topic("/speed", messages.FLOAT64, "default")
         for now in (BEGIN, BEGIN + 3600 * SECOND):
             writer.write(speed, now, now, encode_float64(1.0))
-    with player(tmp_path / "bag", "--wait", "10") as process:
+    with player(tmp_path / "bag", "--wait", "120") as process:
         listener.until(lambda: listener.speeds, "the first message")
         process.send_signal(signal.SIGINT)
         ended(listener, process)
@@ -219,7 +228,7 @@ def mcap_with(path: Path, topics: dict[str, tuple[str, bytes]]) -> Path:
 def test_types_that_are_not_known_are_said_and_left_out(listener, tmp_path, msgtype):
     known = ("std_msgs/msg/Float64", encode_float64(7.0))
     bag = mcap_with(tmp_path / "bag.mcap", {"/thing": (msgtype, b"\0\1\0\0xxxx"), "/speed": known})
-    with player(bag, "--wait", "10") as process:
+    with player(bag, "--wait", "120") as process:
         said = ended(listener, process)
     assert "/thing" in said and "1 messages" in said
     listener.until(lambda: [value for _, value in listener.speeds] == [7.0], "the message of the known type")
@@ -253,7 +262,7 @@ def test_what_cannot_be_published_is_no_traceback(ros_domain, tmp_path, topic, m
 def test_stamps_far_from_the_recorded_times_are_no_traceback(listener, tmp_path):
     """Recorded in simulated time near 0, stamped with real time: moved to the present it is beyond ROS's range."""
     bag = write_bag(tmp_path / "bag", 5, begin=0, stamp_lag=-BEGIN)
-    with player(bag, "--wait", "10") as process:
+    with player(bag, "--wait", "120") as process:
         ended(listener, process)
     assert len(listener.speeds) == 5
 
@@ -264,3 +273,135 @@ def test_a_bag_without_messages_does_not_loop_for_nothing(ros_domain, tmp_path):
     with player(tmp_path / "bag", "--loop") as process:
         _, said = process.communicate(timeout=PATIENCE)
     assert process.returncode == 2, said
+
+
+# --- quality of service ---
+
+
+FOREVER = QosTime(9223372036, 854775807)
+
+
+def recorded(
+    reliability=QosReliability.RELIABLE,
+    durability=QosDurability.VOLATILE,
+    deadline=FOREVER,
+    liveliness=QosLiveliness.AUTOMATIC,
+    lease=FOREVER,
+    history=QosHistory.KEEP_LAST,
+    depth=10,
+) -> Qos:
+    return Qos(history, depth, reliability, durability, deadline, FOREVER, liveliness, lease, False)
+
+
+RECORDED = {
+    "/default": [recorded()],
+    "/best_effort": [recorded(QosReliability.BEST_EFFORT)],
+    "/latched": [recorded(durability=QosDurability.TRANSIENT_LOCAL, depth=1)],
+    "/watched": [recorded(deadline=QosTime(2, 5), liveliness=QosLiveliness.MANUAL_BY_TOPIC, lease=QosTime(3, 0))],
+    "/of_two": [recorded(QosReliability.BEST_EFFORT), recorded(durability=QosDurability.TRANSIENT_LOCAL)],
+    "/unknown": [recorded(QosReliability.UNKNOWN, QosDurability.UNKNOWN, QosTime(0, 0))],
+    "/nothing": [],
+}
+
+
+def test_each_topic_is_offered_as_it_was_recorded(listener, tmp_path):
+    """A bag of the rosbags library's, and the player's offers as DDS tells them to all who are there."""
+    store = get_typestore(Stores.ROS2_JAZZY)
+    with RosbagsWriter(tmp_path / "bag", version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, offered in RECORDED.items():
+            connection = writer.add_connection(topic, messages.FLOAT64, typestore=store, offered_qos_profiles=offered)
+            writer.write(connection, BEGIN, encode_float64(1.0))
+            writer.write(connection, BEGIN + 3600 * SECOND, encode_float64(1.0))
+    found = {}
+    with player(tmp_path / "bag") as process:
+        for topic in RECORDED:
+            listener.until(lambda topic=topic: listener.node.get_publishers_info_by_topic(topic), topic)
+            (found[topic],) = (info.qos_profile for info in listener.node.get_publishers_info_by_topic(topic))
+        process.send_signal(signal.SIGINT)
+        ended(listener, process)
+    best_effort = {topic for topic, qos in found.items() if qos.reliability == ReliabilityPolicy.BEST_EFFORT}
+    latched = {topic for topic, qos in found.items() if qos.durability == DurabilityPolicy.TRANSIENT_LOCAL}
+    manual = {topic for topic, qos in found.items() if qos.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC}
+    assert (best_effort, latched, manual) == ({"/best_effort"}, {"/latched", "/of_two"}, {"/watched"})
+    assert found["/watched"].deadline.nanoseconds == 2 * SECOND + 5
+    assert found["/watched"].liveliness_lease_duration.nanoseconds == 3 * SECOND
+    forever = found["/nothing"].deadline
+    assert all(qos.deadline == forever for topic, qos in found.items() if topic != "/watched")
+
+
+def test_who_comes_later_hears_what_was_latched(listener, tmp_path):
+    """Of two messages the last, since the recorded depth is 1; of a topic that was not latched none."""
+    with BagWriter(tmp_path / "bag") as writer:
+        note = writer.add_topic("/note", messages.STRING, "latched")
+        plain = writer.add_topic("/plain", messages.STRING, "default")
+        speed = writer.add_topic("/speed", messages.FLOAT64, "default")
+        for text in ("first", "last"):
+            writer.write(note, BEGIN, BEGIN, messages.encode_string(text))
+            writer.write(plain, BEGIN, BEGIN, messages.encode_string(text))
+        for number in range(3000):
+            now = BEGIN + (number + 1) * STEP
+            writer.write(speed, now, now, encode_float64(1.0))
+    heard = []
+    with player(tmp_path / "bag") as process:
+        listener.until(lambda: listener.speeds, "what comes behind them")
+        for topic, durability in (("/plain", DurabilityPolicy.VOLATILE), ("/note", DurabilityPolicy.TRANSIENT_LOCAL)):
+            qos = QoSProfile(depth=10, durability=durability)
+            listener.node.create_subscription(String, topic, lambda m, t=topic: heard.append((t, m.data)), qos)
+        listener.until(lambda: heard, "the latched message")
+        count = len(listener.speeds)
+        listener.until(lambda: len(listener.speeds) > count + 10, "what else might come")
+        process.send_signal(signal.SIGINT)
+        ended(listener, process)
+    assert heard == [("/note", "last")]
+
+
+def test_who_asks_for_more_than_was_recorded_is_named(listener, tmp_path):
+    """Best effort is not given to whoever wants every message; the player says so, as every ROS node does."""
+    with BagWriter(tmp_path / "bag") as writer:
+        speed = writer.add_topic("/speed", messages.FLOAT64, "sensor_data")
+        for number in range(3000):
+            writer.write(speed, BEGIN + number * STEP, BEGIN + number * STEP, encode_float64(1.0))
+    heard = []
+    with player(tmp_path / "bag") as process:
+        listener.node.create_subscription(Float64, "/speed", heard.append, qos_profile_sensor_data)
+        listener.until(lambda: len(heard) > 50, "the messages")
+        process.send_signal(signal.SIGINT)
+        said = ended(listener, process)
+    assert not listener.speeds
+    assert "/speed" in said and "incompatible QoS" in said and "RELIABILITY" in said
+
+
+def profile(**changes: str) -> str:
+    """As a recorder before Jazzy wrote it, by numbers: reliable, transient local, history and depth not known."""
+    fields = {"history": "3", "depth": "0", "reliability": "1", "durability": "1"}
+    fields |= dict.fromkeys(("deadline", "lifespan"), "{sec: 2147483647, nsec: 4294967295}")
+    fields |= {"liveliness": "1", "liveliness_lease_duration": "{sec: 2147483647, nsec: 4294967295}"}
+    fields |= {"avoid_ros_namespace_conventions": "false", **changes}
+    return "- " + "\n  ".join(f"{name}: {value}" for name, value in fields.items()) + "\n"
+
+
+def test_depth_is_what_all_publishers_kept_for_those_who_come_later():
+    """Four that latch one message each, as static transforms have it, are one publisher that latches four."""
+
+    def depth(*texts: str) -> int:
+        return publisher_qos(offered_qos("".join(texts))).depth
+
+    one = profile(history="1", depth="1")
+    assert depth(one) == 1 and depth(one, one, one, one) == 4
+    assert depth(one, profile(history="1", depth="7", durability="2")) == 1  # that one kept nothing
+    assert depth(profile()) == 10  # not told: ROS's default
+    assert depth(profile(history="2", depth="0")) == 10_000  # all: within bounds
+    assert depth(profile(history="1", depth="4000000000")) == 10_000
+
+
+@pytest.mark.parametrize("sec", ["2147483647", "9223372036", "18446744073709551615", "-1"])
+def test_times_without_end_are_those_of_every_recorder(sec):
+    time = f"{{sec: {sec}, nsec: 4294967295}}"
+    qos = publisher_qos(offered_qos(profile(deadline=time, lifespan=time, liveliness_lease_duration=time)))
+    assert qos.deadline == qos.lifespan == qos.liveliness_lease_duration == publisher_qos([]).deadline
+
+
+@pytest.mark.parametrize("text", ["", "-", "no list", "- {history: 9}", "[" * 50, profile(depth="x")])
+def test_qos_that_cannot_be_read_is_the_default(text):
+    qos = publisher_qos(offered_qos(text))
+    assert (qos.reliability, qos.durability) == (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)

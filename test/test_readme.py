@@ -14,8 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parents[1]
-PATIENCE = 60.0  # [s] after which what should have happened has not
+PATIENCE = 180.0  # [s] after which what should have happened has not
 
 
 def blocks(page: str, heading: str) -> list[tuple[str, str]]:
@@ -74,14 +76,18 @@ def test_a_csv_file(tmp_path):
     assert apart < 0.2 * behind
 
 
-def test_the_paper(tmp_path):
+def test_the_numbers_of_the_paper(tmp_path):
+    [content] = [content for language, content in blocks("README.md", "With the paper") if language == "python"]
+    said = re.findall(r"^print\(.*\)  # (.*)$", content, re.MULTILINE)
+    assert said and run("python", content, tmp_path).splitlines() == said
+
+
+@pytest.mark.nightly  # and by .ci/run, which types it
+def test_the_pictures_of_the_paper(tmp_path):
     if find_spec("matplotlib") is None:
         pytest.skip("matplotlib is not installed: the extra `plot` brings it")
-    for language, content in blocks("README.md", "With the paper"):
-        printed = run(language, content, tmp_path)
-        if language == "python":
-            said = re.findall(r"^print\(.*\)  # (.*)$", content, re.MULTILINE)
-            assert said and printed.splitlines() == said
+    [content] = [content for language, content in blocks("README.md", "With the paper") if language == "sh"]
+    run("sh", content, tmp_path)
     for picture in ("figures/fig3.png", "figures/fig7b.png", "map.png", "response.png"):
         assert (tmp_path / picture).read_bytes().startswith(b"\x89PNG")
 

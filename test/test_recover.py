@@ -16,7 +16,8 @@ from typing import NamedTuple
 
 import pytest
 import yaml
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
@@ -238,6 +239,7 @@ def test_qos_that_cannot_be_made_out_is_left_out_of_the_description_only(tmp_pat
 # --- what is lost ---
 
 
+@pytest.mark.slow
 def test_a_file_cut_off_anywhere_keeps_every_whole_chunk(tmp_path):
     sample = make()
     size = len(sample.content)
@@ -257,6 +259,7 @@ def test_a_file_cut_off_anywhere_keeps_every_whole_chunk(tmp_path):
             assert account.gaps == [(got[-1].log_time / 1e9, None)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"compression": CompressionType.NONE}, {"compression": CompressionType.LZ4}])
 def test_a_damaged_chunk_costs_that_chunk_and_no_more(tmp_path, options):
     """Its opcode, its length, its other lengths, its checksum, its content; the first declares every topic."""
@@ -274,7 +277,8 @@ def test_a_damaged_chunk_costs_that_chunk_and_no_more(tmp_path, options):
                 assert account.chunks_skipped == 1 and account.bytes_skipped == end - start or place == start + 9 + 28
 
 
-@settings(max_examples=150)
+@pytest.mark.slow
+@examples(30, nightly=150)
 @given(st.data())
 def test_what_is_not_hit_is_kept_and_nothing_is_made_up(tmp_path_factory, data):
     """Bytes changed, put in and taken out anywhere: every chunk that was not hit is there, in order, as it was."""
@@ -400,6 +404,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.slow
 def test_a_recording_that_was_killed(tmp_path):
     done = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path / "bag")], cwd=REPOSITORY)
     assert done.returncode == -signal.SIGKILL and not (tmp_path / "bag" / "metadata.yaml").exists()
@@ -531,6 +536,7 @@ def test_the_account_in_words_and_as_json(tmp_path, capsys):
     assert len(account["gaps"]) == 1 and account["gaps_beyond"] == 0
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_bag(tmp_path):
     path = tmp_path / "long.mcap"
     with open(path, "wb") as file:

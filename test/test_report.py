@@ -35,6 +35,8 @@ from tire_dynamics.science.response import frequency_response
 from tire_dynamics.science.uncertainty import bands, value_of
 from tire_dynamics.science.uncertainty import sample as sample_units
 
+pytestmark = pytest.mark.slow
+
 REPOSITORY = Path(__file__).parents[1]
 SAMPLE = REPOSITORY / "bags" / "sample"
 VEHICLE = REPOSITORY / "config" / "vehicle.yaml"

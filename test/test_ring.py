@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
+from decimal import Decimal, localcontext
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from test_modes import Drive, Lagrangian
@@ -79,57 +80,109 @@ def matrices(unit, n, W):
     return G, K
 
 
-def companion_frequencies(G, K):
-    """Frequencies of x'' + G x' + K x = 0 from its first-order form, states scaled to one size."""
-    size = math.sqrt(np.abs(K).max())
-    one, zero = np.eye(len(K)), np.zeros_like(K)
-    values = np.linalg.eigvals(np.block([[-G / size, -K / size**2], [one, zero]])) * size
-    return np.sort(values.imag[values.imag > 0.0]), np.abs(values.real).max()
+def inextensional_matrices(unit, n, W):
+    """The same of (3.10), (3.11), x = [alpha, beta]; n = 1 by (3.13)."""
+    coriolis, g = map(float, inextensional(unit, n, W))
+    return coriolis * np.array([[0.0, -1.0], [1.0, 0.0]]), g * np.eye(2)
 
 
-# A frequency is the root of an eigenvalue, known to 1e-16 of the largest nu^2: relatively to its own square, with
-# nu_max/nu up to some hundred at n = 30, that is 1e-12; the eight companion eigenvalues may be ten times worse.
+def real_roots(*coefficients):
+    """The roots of a polynomial whose roots are all real, highest power first, in 80 digits.
+
+    Between two neighbouring roots of the derivative lies one root, to be bisected; a double root is a root of both. No
+    matrix, and so nothing that may not converge, whatever the sizes of the coefficients are beside each other.
+    """
+    with localcontext() as context:
+        context.prec = 80
+        exact = [Decimal(c.numerator) / Decimal(c.denominator) for c in map(Fraction, coefficients)]
+        roots = _real_roots(exact)
+        product = [Decimal(1)]  # the coefficients again; where two roots coincide, to half of the digits
+        for root in roots:
+            product = [a - root * b for a, b in zip([*product, Decimal(0)], [Decimal(0), *product], strict=True)]
+        size = 1 + max(map(abs, roots))
+        for k, (found, given) in enumerate(zip(product, exact, strict=True)):
+            assert abs(found - given / exact[0]) <= Decimal("1e-30") * size**k
+        return roots
+
+
+def _real_roots(c):
+    if len(c) == 2:
+        return [-c[1] / c[0]]
+
+    def value(x):
+        total = Decimal(0)
+        for each in c:
+            total = total * x + each
+        return total
+
+    degree = len(c) - 1
+    bound = 1 + max(abs(each / c[0]) for each in c)  # Cauchy's
+    edges = [-bound, *_real_roots([each * (degree - k) for k, each in enumerate(c[:-1])]), bound]
+    roots = []
+    for low, high in zip(edges, edges[1:], strict=False):
+        if (value(low) > 0) == (value(high) > 0):
+            roots.append(min(low, high, key=lambda x: abs(value(x))))
+            continue
+        rising = value(high) > 0
+        while high - low > Decimal("1e-75") * bound:
+            middle = (low + high) / 2
+            low, high = (low, middle) if (value(middle) > 0) == rising else (middle, high)
+        roots.append((low + high) / 2)
+    return roots
+
+
+def frequencies(*coefficients):
+    """The sizes of the roots, ascending."""
+    return np.sort([float(abs(root)) for root in real_roots(*coefficients)])
+
+
+def complete(unit, n, W):
+    """Coefficients of the polynomial of (3.2), undamped, in w of exp(i w t); the other two frequencies are -w of these.
+
+    In u = alpha + i beta, v = xi + i eta it is u'' - 2 W v' + B u = i A v, v'' + 2 W u' + C v = -i A u, and so
+    (B - w^2) (C - w^2) = (A + 2 W w)^2.
+    """
+    A, B, C = paper_coefficients(unit, n, W)
+    W = Fraction(W)
+    return 1, 0, -(B + C + 4 * W**2), -4 * A * W, B * C - A**2
 
 
 @given(unit=units(), n=st.integers(0, 30), speed=speeds)
 def test_complete_frequencies(unit, n, speed):
     found = ring.natural_frequencies(unit, n, speed)
-    expected, growth = companion_frequencies(*matrices(unit, n, speed))
+    expected = frequencies(*complete(unit, n, speed))
     assert found.shape == (4,) and (np.diff(found) >= 0.0).all()
+    # The root of an eigenvalue, which is known to some 1e-16 of the largest.
     assert np.abs(found**2 - expected**2).max() <= 1e-12 * expected[-1] ** 2
-    assert growth <= 1e-6 * expected[-1]  # real frequencies: the ring itself is stable (two may coincide: root of eps)
-
-
-def inextensional_matrices(unit, n, W):
-    """(3.10), (3.11) without damping, x = [alpha, beta]; n = 1 by (3.13)."""
-    if n == 1:
-        coriolis = 2.0 * W
-        g = (unit.radial_stiffness + unit.tangential_stiffness) / (2.0 * unit.density * unit.thickness) - W * W
-    else:
-        A, B, C = paper_coefficients(unit, n, W)
-        g = float(n * (B * C - A * A) / (A + n * C))
-        coriolis = float(2 * Fraction(W) * (C + n * A) / (A + n * C))
-    return coriolis * np.array([[0.0, -1.0], [1.0, 0.0]]), g * np.eye(2)
 
 
 @given(unit=units(), n=st.integers(1, 30), speed=speeds)
+@example(unit=TABLE_1, n=27, speed=4e-9)  # a Coriolis term of 1e-8 beside a stiffness of 1e6
 def test_inextensional_frequencies(unit, n, speed):
+    """(3.10), (3.11) undamped; n = 1 by (3.13). z'' + i c z' + g z = 0 in z = alpha + i beta; w^2 + c w = g."""
+    coriolis, g = inextensional(unit, n, speed)
     found = ring.natural_frequencies(unit, n, speed, "inextensional")
-    expected, _ = companion_frequencies(*inextensional_matrices(unit, n, speed))
+    expected = frequencies(1, coriolis, -g)
     assert found.shape == (2,)
-    # at n = 1 the two are omega_1 -+ Omega: they may meet zero, where only the larger one's digits count
-    tolerance = 1e-7 if n == 1 else 1e-12
-    if len(expected) == 2:
-        assert np.abs(found - expected).max() <= tolerance * expected[-1]
-    else:
-        assert n == 1 and found[0] <= 1e-6 * found[1]
+    # At n = 1 the two are omega_1 -+ Omega: they may meet zero, where only the larger one's digits count.
+    assert np.abs(found - expected).max() <= 1e-12 * expected[-1]
+
+
+def inextensional(unit, n, W):
+    """Coriolis term and stiffness of (3.10), (3.11), exact in the same doubles."""
+    W = Fraction(W)
+    if n == 1:
+        k_z, k_t = Fraction(unit.radial_stiffness), Fraction(unit.tangential_stiffness)
+        return 2 * W, (k_z + k_t) / (2 * Fraction(unit.density) * Fraction(unit.thickness)) - W**2
+    A, B, C = paper_coefficients(unit, n, W)
+    return 2 * W * (C + n * A) / (A + n * C), n * (B * C - A**2) / (A + n * C)
 
 
 @given(unit=units(), n=wavenumbers, speed=speeds)
 def test_hybrid_frequencies(unit, n, speed):
     """No Coriolis term, centrifugal terms kept: sqrt(g_n), twice."""
-    _, K = inextensional_matrices(unit, n, speed)
-    assert ring.natural_frequencies(unit, n, speed, "hybrid") == pytest.approx([math.sqrt(K[0, 0])] * 2, rel=1e-14)
+    _, g = inextensional(unit, n, speed)
+    assert ring.natural_frequencies(unit, n, speed, "hybrid") == pytest.approx([math.sqrt(g)] * 2, rel=1e-14)
 
 
 @given(unit=units(), n=st.integers(0, 30), speed=speeds)
@@ -383,22 +436,20 @@ def test_matrices_are_the_energies(n, speed):
 
 @given(unit=units(), n=st.integers(0, 30), speed=speeds, model=st.sampled_from(["complete", "inextensional", "hybrid"]))
 def test_frequencies_seen_from_the_fixed_frame(unit, n, speed, model):
-    """x' = A x seen in axes that turn back by n phi: eigenvalues of A + n Omega N, N the quarter turn of each pair."""
-    if model != "complete":
+    """exp(i w t) of z = alpha + i beta turns on by n phi: w + n Omega, of each root w of the ring's polynomial."""
+    if model == "complete":
+        coefficients = complete(unit, n, speed)
+    else:
         n = max(n, 2)
-    G, K = (matrices if model == "complete" else inextensional_matrices)(unit, n, speed)
-    if model == "hybrid":
-        G = 0.0 * G
-    size = math.sqrt(np.abs(K).max())
-    half = len(K)
-    quarter = np.kron(np.eye(half), [[0.0, -1.0], [1.0, 0.0]])  # alpha, beta -> Re, Im of z exp(i n phi)
-    A = np.block([[-G / size, -K / size**2], [np.eye(half), np.zeros_like(K)]]) * size + n * speed * quarter
-    expected = np.linalg.eigvals(A)
-    expected = np.sort(np.abs(expected.imag))[::2]  # each with its conjugate
+        coriolis, g = inextensional(unit, n, speed)
+        coefficients = 1, 0 if model == "hybrid" else coriolis, -g
+    roots = [float(root) for root in real_roots(*coefficients)]
+    expected = np.sort(np.abs(np.array(roots) + n * speed))
+    half = len(roots)
     found = ring.natural_frequencies(unit, n, speed, model, frame="fixed")
     assert found.shape == (half,) and (np.diff(found) >= 0.0).all()
-    # eigenvalues of a matrix of this size; two that coincide are known to the root of a rounding
-    assert np.abs(found - expected).max() <= 1e-7 * (size + abs(n * speed))
+    # the root of an eigenvalue, which is known to some 1e-16 of the largest: two that coincide to its root
+    assert np.abs(found - expected).max() <= 1e-7 * (max(map(abs, roots)) + abs(n * speed))
 
 
 def test_the_two_frames_agree_at_standstill_and_at_n_0():

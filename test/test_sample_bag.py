@@ -56,6 +56,7 @@ def test_topics_rates_and_size(sample):
     assert sum(file.stat().st_size for file in (BAGS / "sample").iterdir()) <= 3_000_000
 
 
+@pytest.mark.slow
 def test_the_script_makes_it_again(sample, tmp_path):
     assert make_sample.main(["-o", str(tmp_path / "again")]) == 0
     again = decoded(tmp_path / "again")
@@ -66,6 +67,7 @@ def test_the_script_makes_it_again(sample, tmp_path):
         np.testing.assert_allclose(again[topic], rows, rtol=0, atol=step)
 
 
+@pytest.mark.slow
 def test_an_existing_output_is_kept(tmp_path, capsys):
     (tmp_path / "out").mkdir()
     assert make_sample.main(["-o", str(tmp_path / "out")]) == 2
@@ -101,6 +103,7 @@ def test_the_tracks_have_the_coherence_of_an_isotropic_road():
         assert measured == pytest.approx(expected, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_quarter_car_answers_a_sine_as_its_transfer_function_says():
     """The tire force, solved here from the two equations of motion in the frequency domain."""
     static, rate = 3500.0, 2000
@@ -120,6 +123,7 @@ def test_the_quarter_car_answers_a_sine_as_its_transfer_function_says():
         np.testing.assert_allclose(load[late], expected[late], atol=2e-4 * np.ptp(expected))
 
 
+@pytest.mark.slow
 def test_the_loads_vary_as_class_b_at_20_m_s_makes_them():
     """Standard deviation of the load on the whole road, against the integral of |H|^2 Gd."""
     static, v, rate = 3500.0, 20.0, 2000

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -335,8 +336,9 @@ def modes_up_to(n_max, model):
     return range(0 if model == "complete" else 1, n_max + 1)
 
 
+@pytest.mark.slow
 @models
-@settings(max_examples=20)
+@examples(4, nightly=20)
 @given(unit=units(), drive=drives(varying=False))
 def test_whole_unit_at_constant_speed(model, unit, drive):
     """Periodic 6- and 10-state systems and the belt on them under random loads and tractions: exact.
@@ -347,8 +349,9 @@ def test_whole_unit_at_constant_speed(model, unit, drive):
     assert max(errors(unit, drive, model, 3, expected)) < 1e-8
 
 
+@pytest.mark.slow
 @models
-@settings(max_examples=20)
+@examples(4, nightly=20)
 @given(unit=units(), drive=drives(varying=True))
 def test_whole_unit_at_varying_speed(model, unit, drive):
     """Second order in the step, to the limit that has the Euler terms: a fourth of the step leaves a sixteenth."""
@@ -360,6 +363,7 @@ def test_whole_unit_at_varying_speed(model, unit, drive):
         assert after < 1e-3
 
 
+@pytest.mark.slow
 @models
 @both
 def test_whole_unit_with_six_modes(model, damping):

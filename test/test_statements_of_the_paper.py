@@ -171,6 +171,7 @@ def amplitude(model, n, speed, zeta_n):
 TO_30000_RPM = np.linspace(0.0, 30_000.0, 601) * RPM
 
 
+@pytest.mark.slow
 @models
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_no_critical_speed_in_the_full_model(model, n):
@@ -182,6 +183,7 @@ def test_no_critical_speed_in_the_full_model(model, n):
     assert damped.max() < 1.2 * damped[0]  # no resonance either
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_one_critical_speed_per_mode_in_the_hybrid(n):
     """Where g_n = n^2 Omega^2: the amplitude has one peak, and what limits it is the damping alone."""

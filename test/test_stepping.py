@@ -337,12 +337,14 @@ MACHINES = dict(machines())
 elsewhere = pytest.mark.parametrize("machine", list(MACHINES)[1:])
 
 
+@pytest.mark.slow
 @elsewhere
 def test_forces_have_the_same_bits(machine):
     """A log replays bit for bit on a machine with another processor: axle forces, states, transitions, belts."""
     assert digests_of(machine)[:3] == digests_of("this one")[:3]
 
 
+@pytest.mark.slow
 def test_another_process_has_the_same_bits():
     """Forces, states and belts, those that stretch too, with LAPACK in between: the same machine gives the same."""
     assert digests(PYTHONHASHSEED="1") == digests_of("this one")

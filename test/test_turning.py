@@ -68,6 +68,7 @@ def ring_frame(unit, speed, load, traction, phi_0, model, duration):
     return np.linalg.solve(wheel.rotation(phi, speed, model, held), found.y[:, -1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["inextensional", "complete"])
 @pytest.mark.parametrize("speed", [60.0, -250.0, 640.0])
 @pytest.mark.parametrize("unit", UNITS.values(), ids=UNITS)

@@ -11,9 +11,10 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,9 +22,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..build_state import how_to_compile, is_compiled
 from .bag import BagReader
 from .messages import JointStateDecoder, decode_wrench
-from .parameters import complete, read_config
+from .parameters import NODE_NAME, complete, read_config
 from .replay import replay
 
 __all__ = ["main"]
@@ -32,6 +34,10 @@ _ROOT = Path(__file__).resolve().parents[2]
 _BAG = _ROOT / "bags" / "sample"
 _CONFIG = _ROOT / "config" / "vehicle.yaml"
 _ASK_AFTER = 10.0  # [s] into the bag: cruising
+_PATIENCE = 600.0  # [s] for one step of all this, on a machine however slow; a process that has ended is seen at once
+_SAY_EVERY = 5.0  # [s] between two lines about what is waited for
+_ASK_AGAIN = 5.0  # [s] after a request that was not answered
+_LAST_LINES = 20  # of a process that has failed
 FloatArray = NDArray[np.float64]
 
 
@@ -49,7 +55,15 @@ def main() -> int:
     except _FailureError as failure:
         print(f"\nFAILED: {failure}", file=sys.stderr)
         return 1
+    except KeyboardInterrupt:
+        return 128 + signal.SIGINT
     return 0
+
+
+def rates(compiled: bool) -> list[str]:
+    """The ROS arguments for rates that the node can keep: none where its loops are compiled, the file's hold there."""
+    slower = ("rate_hz:=50.0", "ring_rate_hz:=2.0", "n_max:=6")
+    return [] if compiled else [part for each in slower for part in ("-p", each)]
 
 
 def _demonstrate(folder: Path) -> None:
@@ -57,23 +71,24 @@ def _demonstrate(folder: Path) -> None:
         raise _FailureError(f"{_BAG} is missing; this runs in a clone of the repository")
     folder.mkdir(parents=True)
     wheels = list(complete(read_config(_CONFIG))["wheels"])
+    slower = rates(is_compiled())
+    if slower:
+        _say(how_to_compile())
     _say(f"1. A live node starts in a process of its own, with {_CONFIG.relative_to(_ROOT)} and a log.")
-    node = _start("node", "--ros-args", "--params-file", str(_CONFIG), "-p", f"log.directory:={folder / 'log'}")
-    try:
+    arguments = ["--params-file", str(_CONFIG), "-p", f"log.directory:={folder / 'log'}", *slower]
+    with _Process("node", "--ros-args", *arguments) as node, _Listener(wheels) as listener:
+        listener.wait("the node to be active", listener.is_active, node)
         _say(f"2. A second process plays {_BAG.relative_to(_ROOT)} to it over DDS, in real time ({_length():.0f} s).")
-        player = _start("play", str(_BAG), "--wait", "20")
-        try:
-            replies = _ask_stability(wheels)
-            if player.wait(_length() + 60.0) != 0:
-                raise _FailureError(f"the player ended with status {player.returncode}")
-        finally:
-            _end(player)
+        with _Process("play", str(_BAG), "--wait", str(_PATIENCE)) as player:
+            replies = _ask_stability(listener, node, player)
+            listener.wait("the player to reach the end of the bag", player.is_over, node)
+            if player.status != 0:
+                raise _FailureError(f"the player ended with status {player.status}{player.last_lines()}")
         _say("3. The node is stopped with SIGINT.")
-        node.send_signal(signal.SIGINT)
-        if node.wait(20.0) != 0:
-            raise _FailureError(f"the node ended with status {node.returncode} after SIGINT")
-    finally:
-        _end(node)
+        node.interrupt()
+        listener.wait("the node to close its log", node.is_over)
+        if node.status != 0:
+            raise _FailureError(f"the node ended with status {node.status} after SIGINT{node.last_lines()}")
     (log,) = (folder / "log").iterdir()
     _say("4. The log's inputs are replayed, as fast as it goes, and the outputs compared bit for bit.")
     begin = time.perf_counter()
@@ -97,19 +112,55 @@ def _say(text: str) -> None:
     print(text, flush=True)
 
 
-def _start(*arguments: str) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "RCUTILS_LOGGING_SEVERITY": "WARN"}
-    return subprocess.Popen([sys.executable, "-m", "tire_dynamics.doors.cli", *arguments], env=environment)
+class _Process:
+    """A command in a process of its own; what it says is shown, and its last lines are kept."""
 
+    def __init__(self, *arguments: str) -> None:
+        self.name = arguments[0]
+        self._lines: deque[str] = deque(maxlen=_LAST_LINES)
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "tire_dynamics.doors.cli", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            errors="replace",
+        )
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.terminate()
-        try:
-            process.wait(10.0)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+    def _read(self) -> None:
+        for line in self._process.stdout or ():
+            self._lines.append(line.rstrip())
+            _say(f"   {self.name}: {line.rstrip()}")
+
+    @property
+    def status(self) -> int | None:
+        """Of its exit; None while it runs."""
+        return self._process.poll()
+
+    def is_over(self) -> bool:
+        return self.status is not None
+
+    def last_lines(self) -> str:
+        """What it said at last, to stand behind a message."""
+        self._reader.join(1.0)
+        return ". It said at last:\n" + "\n".join(self._lines) if self._lines else ", and had said nothing"
+
+    def interrupt(self) -> None:
+        self._process.send_signal(signal.SIGINT)
+
+    def __enter__(self) -> _Process:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if not self.is_over():
+            self._process.terminate()
+            try:
+                self._process.wait(10.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._reader.join()
 
 
 def _length() -> float:
@@ -117,41 +168,113 @@ def _length() -> float:
     return ((reader.end_ns or 0) - (reader.start_ns or 0)) * 1e-9
 
 
-def _ask_stability(wheels: Sequence[str]) -> dict[str, dict[str, Any]]:
-    """Every wheel's stability reply, asked while the vehicle cruises."""
-    import rclpy
-    from rclpy.executors import SingleThreadedExecutor
-    from rclpy.node import Node
-    from sensor_msgs.msg import JointState
-    from std_srvs.srv import Trigger
+class _Question:
+    """A service that is asked until it answers: a reply may get lost while two processes are still finding each other.
 
-    context = rclpy.context.Context()
-    rclpy.init(context=context)
-    node = Node("tire_dynamics_demo", context=context, start_parameter_services=False)
-    executor = SingleThreadedExecutor(context=context)
-    executor.add_node(node)
-    try:
-        begun = rclpy.task.Future()
-        node.create_subscription(JointState, "joint_states", lambda _: begun.set_result(None), 1)
-        executor.spin_until_future_complete(begun, timeout_sec=40.0)
-        if not begun.done():
-            raise _FailureError("the player has sent nothing within 40 s")
-        time.sleep(_ASK_AFTER)
-        replies = {}
-        for wheel in wheels:
-            client = node.create_client(Trigger, f"{wheel}/floquet_stability")
-            if not client.wait_for_service(10.0):
-                raise _FailureError(f"{wheel}/floquet_stability is not there")
-            future = client.call_async(Trigger.Request())
-            executor.spin_until_future_complete(future, timeout_sec=10.0)
-            if not future.done() or not future.result().success:
-                raise _FailureError(f"{wheel}/floquet_stability gave no answer")
-            replies[wheel] = json.loads(future.result().message)
-        return replies
-    finally:
-        executor.shutdown()
-        node.destroy_node()
-        context.try_shutdown()
+    Attributes
+    ----------
+    last : Any
+        The last answer.
+    """
+
+    def __init__(self, client: Any, request: Any) -> None:
+        self.last: Any = None
+        self._client, self._request = client, request
+        self._asked: list[tuple[float, Any]] = []
+
+    def answer(self) -> Any:
+        """The answer, if one has come since the last one; else None."""
+        for _, future in self._asked:
+            if future.done():
+                self._asked, self.last = [], future.result()
+                return self.last
+        now = time.monotonic()
+        if self._client.service_is_ready() and (not self._asked or now - self._asked[-1][0] > _ASK_AGAIN):
+            self._asked.append((now, self._client.call_async(self._request)))
+        return None
+
+
+class _Listener:
+    """This process in the ROS graph: asks for the node's state and its wheels' stability, and hears joint states."""
+
+    def __init__(self, wheels: Sequence[str]) -> None:
+        import rclpy
+        from lifecycle_msgs.srv import GetState
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from rclpy.qos import qos_profile_sensor_data
+        from sensor_msgs.msg import JointState
+        from std_srvs.srv import Trigger
+
+        self._context = rclpy.context.Context()
+        rclpy.init(context=self._context)
+        self._node = Node("tire_dynamics_demo", context=self._context, start_parameter_services=False)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._state = _Question(self._node.create_client(GetState, f"{NODE_NAME}/get_state"), GetState.Request())
+        self.stability = {
+            wheel: _Question(self._node.create_client(Trigger, f"{wheel}/floquet_stability"), Trigger.Request())
+            for wheel in wheels
+        }
+        self._first = self._latest = 0.0
+        self._node.create_subscription(JointState, "joint_states", self._note, qos_profile_sensor_data)
+
+    def __enter__(self) -> _Listener:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    def _note(self, message: Any) -> None:
+        self._latest = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        self._first = self._first or self._latest
+
+    @property
+    def played(self) -> float:
+        """How much of the bag has come [s], by its stamps."""
+        return self._latest - self._first
+
+    def is_active(self) -> bool:
+        """Whether the node has said that it is active; asks it."""
+        from lifecycle_msgs.msg import State
+
+        answer = self._state.answer()
+        return answer is not None and bool(answer.current_state.id == State.PRIMARY_STATE_ACTIVE)
+
+    def wait(self, what: str, is_so: Callable[[], bool], *needed: _Process) -> None:
+        """Wait until something is so, and say what for; the processes that it needs may not end meanwhile."""
+        begin = said = time.monotonic()
+        while not is_so():
+            for process in needed:
+                if process.is_over() and not is_so():
+                    waited = f"while the demonstration waited for {what}"
+                    raise _FailureError(
+                        f"{process.name} ended with status {process.status} {waited}{process.last_lines()}"
+                    )
+            now = time.monotonic()
+            if now - begin > _PATIENCE:
+                raise _FailureError(f"waited {_PATIENCE:.0f} s for {what}; is this machine that busy?")
+            if now - said > _SAY_EVERY:
+                said = now
+                _say(f"   waiting for {what}, {now - begin:.0f} s so far")
+            self._executor.spin_once(timeout_sec=0.1)
+
+
+def _ask_stability(listener: _Listener, node: _Process, player: _Process) -> dict[str, dict[str, Any]]:
+    """Every wheel's stability reply, asked while the vehicle cruises."""
+    listener.wait("the first joint states", lambda: listener.played > 0.0, node, player)
+    listener.wait(f"{_ASK_AFTER:.0f} s of the drive", lambda: listener.played >= _ASK_AFTER, node, player)
+    replies = {}
+    for wheel, question in listener.stability.items():
+        what = f"the answer of {wheel}/floquet_stability"
+        listener.wait(what, lambda question=question: question.answer() is not None, node)  # type: ignore[misc]
+        reply = question.last
+        if not reply.success:
+            raise _FailureError(f"{what} is: {reply.message}")
+        replies[wheel] = json.loads(reply.message)
+    return replies
 
 
 # -- what came out ----------------------------------------------------------------------------------------------

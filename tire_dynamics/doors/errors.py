@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-__all__ = ["InputError", "missing"]
+__all__ = ["InputError", "first_line", "missing"]
 
 
 class InputError(Exception):
@@ -22,3 +22,8 @@ def missing(path: Path) -> InputError:
         return InputError(f"{path}: does not exist, nor does the folder {path.parent}")
     close = difflib.get_close_matches(path.name, names[:1000], n=1, cutoff=0.75)
     return InputError(f"{path}: does not exist" + (f"; did you mean {path.with_name(close[0])}?" if close else ""))
+
+
+def first_line(error: BaseException) -> str:
+    """The first line of what an error says, or its kind where it says nothing."""
+    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__

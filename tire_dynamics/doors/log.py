@@ -7,7 +7,7 @@ import math
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
@@ -15,12 +15,92 @@ from pathlib import Path
 from .bag import BagWriter
 from .errors import InputError
 
-__all__ = ["Log"]
+__all__ = ["CHUNK_SIZE", "FLUSH_INTERVAL", "Log", "LogFiles"]
 
-_FLUSH_INTERVAL = 1.0  # [s]: what a killed process can lose
+FLUSH_INTERVAL = 0.5
+"""Seconds between two flushes: with the time that one takes, what a killed process can lose."""
+
+CHUNK_SIZE = 512 * 1024
+"""Bytes of messages in a chunk at most, half a second of four wheels at 500 Hz: each costs the summary an entry."""
+
+_Message = tuple[str, int, int, bytes]  # topic, log time and publish time [ns], data
+
 _PAUSE = 0.02  # [s] between two looks at what is waiting; to be woken by each message would cost more than to write it
 _NOTHING = 100_000  # [bytes] of a file: declarations without messages
 _PATIENCE = 30.0  # [s] that closing waits for the disk
+
+
+class LogFiles:
+    """What a live log writes: files of one bag, flushed every so often.
+
+    It is told the time and reads no clock. What it keeps does not grow from file to file, and within a file by an entry
+    of the summary for each chunk.
+
+    Parameters
+    ----------
+    bag : BagWriter
+        New, and in place.
+    topics : mapping
+        Message type and QoS profile by full topic name.
+    max_size, max_duration : float
+        Bytes and seconds after which the bag goes on in another file; infinite for never.
+    now : float
+        The time [s].
+
+    Attributes
+    ----------
+    count : int
+        How many files there are by now.
+    """
+
+    def __init__(
+        self,
+        bag: BagWriter,
+        topics: Mapping[str, tuple[str, str]],
+        max_size: float,
+        max_duration: float,
+        now: float,
+    ) -> None:
+        self.count = 1
+        self._bag = bag
+        self._handles = {name: bag.add_topic(name, kind, qos=qos) for name, (kind, qos) in topics.items()}
+        self._max_size, self._max_duration = max_size, max_duration
+        self._full, self._due = now + max_duration, now + FLUSH_INTERVAL
+
+    def write(self, batch: Sequence[_Message], now: float) -> bool:
+        """Write messages, in another file if the present one is full; flush if it is time.
+
+        Parameters
+        ----------
+        batch : sequence of tuple
+            Full topic name, log time and publish time [ns], and the serialised message.
+        now : float
+            The time [s].
+
+        Returns
+        -------
+        bool
+            Whether these and all before have been flushed: they are read again even if the process is killed.
+
+        Raises
+        ------
+        OSError
+            The disk refuses them, or the file has been removed.
+        """
+        if batch:
+            if now >= self._full or self._bag.size >= self._max_size:
+                self._bag.split()
+                self.count += 1
+                self._full = now + self._max_duration
+            topics, log_times, publish_times, payloads = zip(*batch, strict=True)
+            self._bag.write_block([self._handles[topic] for topic in topics], log_times, publish_times, payloads)
+        if now < self._due:
+            return False
+        self._bag.flush()
+        if not self._bag.in_place:
+            raise OSError(errno.ENOENT, "the file has been removed")
+        self._due = now + FLUSH_INTERVAL
+        return True
 
 
 class Log:
@@ -72,7 +152,7 @@ class Log:
         self._topics = dict(topics)
         self._queue_size = queue_size
         self._compression = "" if compression == "none" else compression
-        self._queue: deque[tuple[str, int, int, bytes]] = deque()
+        self._queue: deque[_Message] = deque()
         self._refused: Counter[str] = Counter()
         self._unsure: Counter[str] = Counter()  # handed to the bag since its last flush
         self._ending = threading.Event()
@@ -160,7 +240,7 @@ class Log:
         wanted = self.folder
         for count in range(1, 1000):
             try:
-                return BagWriter(self.folder, compression=self._compression)
+                return BagWriter(self.folder, chunk_size=CHUNK_SIZE, compression=self._compression)
             except InputError:
                 if not self.folder.exists():
                     raise
@@ -168,28 +248,15 @@ class Log:
         raise InputError(f"{wanted}: exists already, a thousand times")
 
     def _write(self, writer: BagWriter) -> None:
-        due = time.monotonic() + _FLUSH_INTERVAL
-        full = time.monotonic() + self._max_duration
         with writer:
-            handles = {name: writer.add_topic(name, kind, qos=qos) for name, (kind, qos) in self._topics.items()}
+            files = LogFiles(writer, self._topics, self._max_size, self._max_duration, time.monotonic())
             ending = False
             while not ending:
                 ending = self._ending.wait(_PAUSE)  # asked before the last look: nothing is put behind it
                 batch = [self._queue.popleft() for _ in range(len(self._queue))]
-                if batch:
-                    topics, log_times, publish_times, payloads = zip(*batch, strict=True)
-                    self._unsure.update(topics)
-                    writer.write_block([handles[topic] for topic in topics], log_times, publish_times, payloads)
-                    self.written += len(batch)
-                now = time.monotonic()
-                if not ending and (now >= full or writer.size >= self._max_size):
-                    writer.split()
-                    self.files += 1
-                    full = now + self._max_duration
-                if now >= due:
-                    writer.flush()
-                    if not writer.in_place:
-                        raise OSError(errno.ENOENT, "the file has been removed")
+                self._unsure.update(topic for topic, *_ in batch)
+                if files.write(batch, time.monotonic()):
                     self.kept = True
                     self._unsure.clear()
-                    due = time.monotonic() + _FLUSH_INTERVAL
+                self.written += len(batch)
+                self.files = files.count

@@ -44,6 +44,7 @@ __all__ = [
     "WrenchDecoder",
     "WrenchEncoder",
     "WrenchStamped",
+    "check_time",
     "decode_clock",
     "decode_clocks",
     "decode_float64",
@@ -57,6 +58,8 @@ __all__ = [
     "encode_float64",
     "encode_static_transforms",
     "encode_string",
+    "joint_names",
+    "ring_points",
 ]
 
 CLOCK = "rosgraph_msgs/msg/Clock"
@@ -124,6 +127,23 @@ def _stamp(sec: int, nanosec: int) -> int:
     if nanosec >= _SECOND:
         raise MessageError(f"stamp: nanosec is {nanosec}, must be below {_SECOND}")
     return sec * _SECOND + nanosec
+
+
+def check_time(stamp_ns: int) -> None:
+    """See that a time [ns] is within ROS time; ``MessageError`` if not."""
+    _sec_nanosec(stamp_ns)
+
+
+def joint_names(data: bytes) -> tuple[tuple[str, ...], int]:
+    """The names of a sensor_msgs/JointState, and the position behind them; ``MessageError`` if there are none."""
+    order = _byte_order(data)
+    _, position = _string(data, _BODY + 8, order, "header.frame_id")
+    count, position = _length(data, position, order, 4, "name")  # an empty string takes 4 bytes
+    names = []
+    for _ in range(count):
+        name, position = _string(data, position, order, "name")
+        names.append(name)
+    return tuple(names), position
 
 
 def _sec_nanosec(stamp_ns: int) -> tuple[int, int]:
@@ -436,14 +456,9 @@ class JointStateDecoder:
         return (order, names, (places[1], *places[:1]) if has_positions else (places[1],), sizes[1]), fixed
 
     def _names(self, data: bytes, order: str) -> tuple[tuple[str, ...], int]:
-        _, position = _string(data, _BODY + 8, order, "header.frame_id")
-        count, position = _length(data, position, order, 4, "name")  # an empty string takes 4 bytes
-        names = []
-        for _ in range(count):
-            name, position = _string(data, position, order, "name")
-            names.append(name)
-        self._known = order, bytes(data[_BODY + 8 : position]), position, tuple(names)
-        return tuple(names), position
+        names, position = joint_names(data)
+        self._known = order, bytes(data[_BODY + 8 : position]), position, names
+        return names, position
 
 
 def decode_float64(data: bytes) -> float:
@@ -723,6 +738,13 @@ class RingShapeEncoder:
         start, end = len(message) - 1 - values[0].nbytes, message[-1:]
         heads = _encoded(message[:start], len(values), *_time_columns(stamps))
         return [b"".join((head, row, end)) for head, row in zip(heads, _rows(values), strict=True)]
+
+
+def ring_points(data: bytes, points: int) -> NDArray[np.float64]:
+    """The columns x, y, z, radial, tangential [m] of a ring_shape that RingShapeEncoder has made, shape (points, 5)."""
+    size = 4 * len(RingShapeEncoder.FIELDS)
+    values = np.frombuffer(data, "<f4", points * size // 4, len(data) - 1 - points * size)
+    return values.reshape(points, -1).astype(np.float64)
 
 
 def encode_float64(value: float) -> bytes:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import json
+import math
+import sys
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from importlib.util import find_spec
 from typing import Any
 
@@ -20,19 +23,20 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 from rclpy.serialization import serialize_message
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from . import messages, ros_parameters
-from .bag import load_message_definitions
-from .compilation import compile_kernels
-from .errors import InputError
+from .analyst import Analyst
+from .deferred import Deferred, allow_deferred
+from .errors import InputError, first_line
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .parameters import NODE_NAME, complete
-from .variations import Variations
+from .start import Stop
+from .variations import Variations, variation_of
 from .wiring import LOG_RECORD, TF_STATIC, TICK, Wiring
+from .worker import Worker
 
 __all__ = ["TireDynamicsNode", "run"]
 
@@ -40,6 +44,10 @@ _IDLE = 20_000_000  # [ns] between two looks at everything else while the node i
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
+_BUSY = "too many requests are waiting; ask again"
+_AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
+_SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
+_SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
 
 
 class _Duty:
@@ -80,6 +88,7 @@ class TireDynamicsNode(LifecycleNode):
 
     _wiring: Wiring
     _variations: Variations
+    _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
         self,
@@ -99,15 +108,19 @@ class TireDynamicsNode(LifecycleNode):
             if "PARAMETER_NOT_SET" in str(error):
                 names = "wheels, joint_names, frame_ids or tf.positions"
                 raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
-            raise InputError(_first_line(error)) from None
+            raise InputError(first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
-            raise InputError(_first_line(error)) from None
+            raise InputError(first_line(error)) from None
         self._clock_now = self.get_clock()
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
         self._refusal: Exception | None = None  # why the last transition failed
         self._starting = True  # the caller is told what is wrong
         self._journal = Journal(self.get_logger(), self._now)
+        self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
+        self._analyst = Analyst()
+        self._unanswered: set[Deferred] = set()
+        self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
@@ -120,8 +133,8 @@ class TireDynamicsNode(LifecycleNode):
         self._paced = paced
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
-            load_message_definitions()  # now, not when a log is started beside turning wheels
             self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_duty(1.0, self._diagnose)
             self._autostart = self._is_to_start()
@@ -130,11 +143,16 @@ class TireDynamicsNode(LifecycleNode):
                 self._change(self.trigger_activate)
             else:
                 ros_parameters.declare_loosely(self)
+                self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
+            self._end_work()
             self._journal.end()
             self.destroy_node()
             raise
+
+    def _say(self, what: str) -> None:
+        self.get_logger().info(what)
 
     def _is_to_start(self) -> bool:
         row = ros_parameters.ROWS["autostart"]
@@ -169,11 +187,11 @@ class TireDynamicsNode(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Stop all outputs, and close the log."""
-        return self._try(self._deactivate)
+        return self._try(self._deactivate, lambda: self._say("inactive: no outputs until it is activated"))
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Take topics and services away; every parameter may change again."""
-        return self._try(self._clean_up)
+        return self._try(self._clean_up, lambda: self._say("unconfigured: every parameter may change"))
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """As deactivated and cleaned up, for good."""
@@ -191,7 +209,7 @@ class TireDynamicsNode(LifecycleNode):
         except Exception as error:  # rclpy would not say it
             self._refusal = error
             if not self._starting:
-                self.get_logger().error(_first_line(error))
+                self.get_logger().error(first_line(error))
             return TransitionCallbackReturn.FAILURE
         return TransitionCallbackReturn.SUCCESS
 
@@ -201,17 +219,20 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._wiring = Wiring(values)
+            self._wiring, self._wanted = Wiring(values), values
             self._period = self._wiring.vehicle.settings.period
             ros_parameters.declare(self, values, read_only=self._autostart)
             self._connect()
         except BaseException:
             self._clean_up()
             raise
+        self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._wiring.inputs)} topics")
 
     def _activate(self) -> None:
         self._journal.wiring = self._wiring = Wiring(self._wiring.values)  # nothing of what was before
-        self._variations = Variations(len(self._wiring.vehicle.schedules))
+        self._wanted = self._wiring.values
+        self._variations = Variations(self._wiring.vehicle.wheels)
+        self._looking = False
         self._time = None
         try:
             if self._wiring.values["log.directory"]:
@@ -221,9 +242,21 @@ class TireDynamicsNode(LifecycleNode):
             raise
         self._deadline = time.monotonic_ns()
         self._active = True
+        wheels = len(self._wiring.vehicle.settings.wheels)
+        log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
+        rate = self._wiring.values["rate_hz"]
+        self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
 
     def _deactivate(self) -> None:
-        self._active = False
+        was_active, self._active = self._active, False
+        self._worker.forget()
+        self._judge.forget()
+        while self._unanswered:
+            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+        self._preparing = False
+        if was_active and self._not_in_force():  # what was accepted counts, and the log says so
+            self._wiring.set_values(self._wanted)
+            self._journal.record()
         self._journal.close()
 
     def _clean_up(self) -> None:
@@ -258,9 +291,8 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._wiring.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index))
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
         self._service(SetBool, "~/set_logging", self._set_logging)
-        # One wheel's stability at a time: all of them together would take longer than a tick may.
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
@@ -277,8 +309,10 @@ class TireDynamicsNode(LifecycleNode):
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
-    def _service(self, kind: Any, name: str, reply: Any) -> None:
-        self._made.append((self.destroy_service, self.create_service(kind, name, reply)))
+    def _service(self, kind: Any, name: str, reply: Any) -> Any:
+        service = self.create_service(kind, name, reply)
+        self._made.append((self.destroy_service, service))
+        return service
 
     def _publish_transforms(self) -> None:
         """Say where the axles' frames are; whoever comes later hears it too."""
@@ -300,16 +334,40 @@ class TireDynamicsNode(LifecycleNode):
             reason = f"{fixed[0]} may change only while the node is unconfigured"
             return SetParametersResult(successful=False, reason=reason)
         try:
-            complete({**self._wiring.values, **values})
+            complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
         values = ros_parameters.changed(changes)
-        if values:
-            self._wiring.set_values(values)
-            self._journal.record()
+        if not values:
+            return
+        self._wanted = complete({**self._wanted, **values})
+        if self._active:
+            self._prepare_change()
+        else:
+            self._wiring.set_values(self._wanted)
+
+    def _prepare_change(self) -> None:
+        """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
+        if not self._preparing:
+            self._preparing = True
+            wanted = self._wanted
+            work = partial(self._wiring.prepare, wanted)
+            self._worker.ask("parameters", work, partial(self._put_in_force, wanted), urgent=True)
+
+    def _put_in_force(self, wanted: dict[str, Any], result: None, error: Exception | None) -> None:
+        """Between two ticks: in the log the record of it stands where the change came."""
+        self._preparing = False
+        if error is not None:
+            self.get_logger().error(f"the parameters stay as they were: {first_line(error)}")
+            self._wanted = self._wiring.values
+            return
+        self._wiring.set_values(wanted)
+        self._journal.record()
+        if self._wanted != wanted:
+            self._prepare_change()
 
     # -- messages and ticks ---------------------------------------------------------------------------------
 
@@ -357,6 +415,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
+        self._take_up_work()
         for duty in self._duties:
             if steady >= duty.due:
                 duty.due = max(duty.due + duty.period, steady)
@@ -373,6 +432,12 @@ class TireDynamicsNode(LifecycleNode):
         if self._active:
             now = self._now()
             self._tick_at(now, self._due(now))
+        if not self._paced:
+            self._take_up_work()
+
+    def _take_up_work(self) -> None:
+        self._worker.take_up(_AT_ONCE)
+        self._judge.take_up(_AT_ONCE)
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -380,14 +445,13 @@ class TireDynamicsNode(LifecycleNode):
         started = time.perf_counter()
         logged = self._journal.put(TICK, now, stamp, messages.encode_clock(stamp))
         produced = self._wiring.tick(stamp)
-        self._variations.note(self._wiring.vehicle.angles, self._wiring.forces)
         for topic, data in produced:
             self._outputs[topic].publish(data)
         belts = self._wiring.belts()  # they take longer, and nobody waits for them
         for topic, data in belts:
             self._outputs[topic].publish(data)
         if belts:
-            self._show(stamp)
+            self._show(stamp, belts)
         produced += belts
         self._ticks += 1
         self._step_times.append(time.perf_counter() - started)
@@ -399,15 +463,17 @@ class TireDynamicsNode(LifecycleNode):
                 else:  # a replay has no outputs for a tick that is not in the log
                     self._journal.drop(topic)
 
-    def _show(self, stamp: int) -> None:
+    def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
         """The markers of the wheels whose belts have come, where somebody looks at them."""
-        scale = self._wiring.values["marker_force_scale"]
-        shapes, self._wiring.shapes = self._wiring.shapes, {}
-        for index, force_x, force_z in self._wiring.forces:
-            if index in shapes and self._markers[index].get_subscription_count():
-                load, traction = self._wiring.vehicle.schedules[index].load
-                forces = (force_x, force_z), (traction, load)
-                markers = self._marker_builders[index].build(stamp, shapes[index], *forces, scale)
+        scale, vehicle = self._wiring.values["marker_force_scale"], self._wiring.vehicle
+        shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
+        for index, wheel in enumerate(vehicle.settings.wheels):
+            data = shapes.get(f"{wheel}/ring_shape")
+            if data is not None and self._markers[index].get_subscription_count():
+                load, traction = vehicle.inputs[index].load
+                forces = vehicle.wheels.force_of(index), (traction, load)
+                points = messages.ring_points(data, vehicle.settings.ring_samples)
+                markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
 
     def _due(self, now: int) -> int | None:
@@ -446,29 +512,51 @@ class TireDynamicsNode(LifecycleNode):
     # -- stability and diagnostics --------------------------------------------------------------------------
 
     def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
-            try:
-                response.message = json.dumps(self._wiring.vehicle.stability(index))
-                response.success = True
-            except (ArithmeticError, ValueError) as error:
-                response.success, response.message = False, str(error)
-            return response
+            vehicle, deferred = self._wiring.vehicle, Deferred()
+            name = vehicle.settings.wheels[index]
+
+            def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
+                self._unanswered.discard(deferred)
+                response.success = found is not None
+                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                deferred.answer(response)
+
+            if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
+                response.success, response.message = False, _BUSY
+                return response
+            self._unanswered.add(deferred)
+            return deferred
 
         return reply
 
+    def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
+        state = self._wiring.vehicle.unit, speed, self._wiring.vehicle.settings.model
+        return self._judge.ask(state, partial(self._analyst.stability, *state), then)
+
     def _look_at_a_wheel(self) -> None:
-        if not self._active:
+        if not self._active or self._looking:
             return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
-        try:
-            self._stabilities[index] = self._wiring.vehicle.stability(index, quick=True)
-        except (ArithmeticError, ValueError) as error:
-            self._stabilities[index] = {"verdict": f"unknown: {error}"}
-        self._variations.take_up(index)
+        vehicle, variations = self._wiring.vehicle, self._variations
+        speed = vehicle.inputs[index].speed
+        if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
+            speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
+
+        def keep_stability(found: dict[str, Any] | None, error: Exception | None) -> None:
+            self._stabilities[index] = {"verdict": f"unknown: {error}"} if found is None else found
+
+        def keep_variation(found: Any, error: Exception | None) -> None:
+            self._looking = False
+            variations.keep(index, found)
+
+        self._ask_for_stability(speed, keep_stability)
+        work = partial(variation_of, variations.taken(index))
+        self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
     def _diagnose(self) -> None:
         if self._active:
@@ -479,7 +567,7 @@ class TireDynamicsNode(LifecycleNode):
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
             array.status = [self._node_status()]
-            for index in range(len(self._wiring.vehicle.schedules)):
+            for index in range(len(self._wiring.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
         else:
             array.status = [self._idle_status()]
@@ -493,7 +581,7 @@ class TireDynamicsNode(LifecycleNode):
         _, state = self._state_machine.current_state
         if self._refusal is None:
             return self._status("node", DiagnosticStatus.OK, state, {"state": state})
-        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {_first_line(self._refusal)}", {"state": state})
+        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {first_line(self._refusal)}", {"state": state})
 
     def _node_status(self) -> DiagnosticStatus:
         times = sorted(self._step_times) or [0.0]
@@ -504,13 +592,15 @@ class TireDynamicsNode(LifecycleNode):
             "ticks missed": self._missed,
             "clock set back": self._wiring.vehicle.clock_resets,
             "messages before the clock": self._before_clock,
+            "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
+            "analyses waiting": self._worker.waiting + self._judge.waiting,
             "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
             "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
             **{f"{topic}: malformed": count for topic, count in self._wiring.malformed.items()},
-            **{f"joint_states: {outcome}": n for outcome, n in self._wiring.vehicle.message_counts.items()},
+            **{f"joint_states: {outcome}": n for outcome, n in self._wiring.message_counts.items()},
             **logged,
         }
-        level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.schedules)} wheels"
+        level, summary = DiagnosticStatus.OK, f"{len(self._wiring.vehicle.inputs)} wheels"
         if trouble:
             level, summary = DiagnosticStatus.ERROR, trouble
         elif missing:
@@ -520,9 +610,13 @@ class TireDynamicsNode(LifecycleNode):
             summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
         return self._status("node", level, summary, values)
 
+    def _not_in_force(self) -> list[str]:
+        values = self._wiring.values
+        return [name for name, value in self._wanted.items() if value != values[name]]
+
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle = self._wiring.vehicle
-        estimator = vehicle.schedules[index]
+        estimator = vehicle.inputs[index]
         reply = self._stabilities[index]
         verdict = reply.get("verdict", "not yet known")
         level, summary = DiagnosticStatus.OK, verdict
@@ -569,57 +663,51 @@ class TireDynamicsNode(LifecycleNode):
     def close(self) -> None:
         """Finish the log and leave the graph."""
         self._deactivate()
+        self._end_work()
         self.destroy_node()
 
+    def _end_work(self) -> None:
+        self._worker.close()
+        self._judge.close()
+        self._analyst.close()
 
-def run(arguments: Sequence[str], stopping: Callable[[], bool]) -> None:
-    """The node until it is told to stop.
+
+def run(stop: Stop) -> None:
+    """The node, in the context that is there, until it is told to stop.
 
     Parameters
     ----------
-    arguments : sequence of str
-        ROS arguments, as ``--ros-args -p name:=value``.
-    stopping : callable
-        Whether to stop; asked several times a second. Signals are the caller's.
+    stop : Stop
+        Whether to stop; asked several times a second.
 
     Raises
     ------
     InputError
-        The arguments or the parameters cannot be used.
+        The parameters cannot be used.
     """
+    stop.loaded()
     try:
-        rclpy.init(args=["tire_dynamics", *arguments], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl reports bad arguments and files as RuntimeErrors of its own kinds
-        raise InputError(_first_line(error)) from None
+        node = TireDynamicsNode(paced=True)
+    except (ParameterException, NameValidationException, ValueError) as error:
+        raise InputError(first_line(error)) from None
+    sys.setswitchinterval(_SWITCH)
     try:
-        leftover = rclpy.utilities.remove_ros_args(["tire_dynamics", *arguments])[1:]
-        if leftover:
-            raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
-        compile_kernels(stopping)
-        if stopping():
-            return
-        try:
-            node = TireDynamicsNode(paced=True)
-        except (ParameterException, NameValidationException, ValueError) as error:
-            raise InputError(_first_line(error)) from None
-        try:
-            executor = EventsExecutor()
-            executor.add_node(node)
-            gc.collect()
-            gc.freeze()  # what lives until the end need not be looked at again, tick after tick
-            threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
-            while not stopping():  # docs/real_time.md says why so
+        executor = EventsExecutor()
+        executor.add_node(node)
+        gc.collect()
+        gc.freeze()  # what lives until the end need not be looked at again, tick after tick
+        threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
+        stop.runs()
+        while not stop():  # docs/real_time.md says why so
+            left = node.until_tick()
+            if left <= 0.0:
+                executor.spin_once(timeout_sec=_LEAST_SPIN)
+            while left > 0.0:
+                executor.spin_once(timeout_sec=left)
                 left = node.until_tick()
-                if left <= 0.0:
-                    executor.spin_once(timeout_sec=_LEAST_SPIN)
-                while left > 0.0:
-                    executor.spin_once(timeout_sec=left)
-                    left = node.until_tick()
-                node.pace()
-        finally:
-            node.close()
+            node.pace()
     finally:
-        rclpy.try_shutdown()
+        node.close()
 
 
 def _wake(executor: Any) -> None:
@@ -635,10 +723,6 @@ def _wake(executor: Any) -> None:
 
 def _shown(value: float | None, form: str) -> str:
     return "none" if value is None else format(value, form)
-
-
-def _first_line(error: BaseException) -> str:
-    return str(error).strip().splitlines()[0] if str(error).strip() else type(error).__name__
 
 
 def _message_class(msgtype: str) -> Any:

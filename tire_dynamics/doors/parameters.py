@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +12,7 @@ from os import PathLike
 from typing import Any, Literal
 
 from ..estimator.vehicle import VehicleSettings
-from ..science.unit import HARMONICS, TireWheelUnit
+from ..science.unit import HARMONICS, ROAD, TireWheelUnit
 from ..science.yaml_file import read_yaml
 from .errors import InputError
 
@@ -100,6 +101,9 @@ _TIRE_UNITS = {
     "imbalance_mass": "a mass on the belt that is too much [kg]",
     "imbalance_angle": "where on the tire it is [rad]",
     "radial_runout": "how much farther out the tread is: harmonic, amplitude [m] and angle [rad] of each harmonic",
+    "vertical_stiffness": "of the whole tire on the road, wheel held, K_v [N/m]; 0: a rigid tread",
+    "residual_damping": "damper beside the tread's residual spring, c_c [N s/m]",
+    "sprung_mass": "what stands on this wheel's suspension on the road [kg]; 0: the body is held",
     "contact_stiffness": "by which run-out changes the load [N/m]; 0: the tire's own at rest",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
@@ -111,7 +115,7 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
         if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"):
+        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", *ROAD):
             row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
         elif name == "imbalance_angle":
             row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
@@ -147,8 +151,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
     Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
-    Parameter("log.max_size_mb", "double", 0.0, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
-    Parameter("log.max_duration_s", "double", 0.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
+    Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
+    Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
     Parameter("log.compression", "string", "zstd", "of the log's chunks", choices=("zstd", "lz4", "none")),
 )
 
@@ -273,6 +277,8 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
+        raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
         content = read_yaml(path)
     except OSError as error:

@@ -6,22 +6,29 @@ import math
 import signal
 import struct
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 from os import PathLike
 from typing import Any
 
 import rclpy
+from rclpy.duration import Duration, Infinite
 from rclpy.exceptions import NameValidationException
+from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 
 from .bag import BagReader
+from .bag.writer import offered_qos
 from .errors import InputError
 
-__all__ = ["play"]
+__all__ = ["play", "publisher_qos"]
 
 _SECOND = 1_000_000_000
+_DEPTH = 10  # of what is kept for those who come later, where the bag does not say: ROS's default
+_LEAST_DEPTH, _MOST_DEPTH = 100, 10_000  # messages that may wait for their way out
+_FOREVER = 2**31 - 1  # [s]: from here on recorders have meant without end, each its own number
 
 
 def play(
@@ -33,7 +40,7 @@ def play(
     wait: float = 0.0,
     max_gap: float = 3600.0,
 ) -> int:
-    """Publish a bag's messages at the pace at which they were recorded.
+    """Publish a bag's messages at the pace at which they were recorded, each topic with the QoS that the bag says.
 
     Parameters
     ----------
@@ -74,6 +81,8 @@ def play(
     context = rclpy.context.Context()
     rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("tire_dynamics_play", context=context, start_parameter_services=False, enable_rosout=False)
+    executor = EventsExecutor(context=context)  # says which subscribers get nothing, because they ask for another QoS
+    executor.add_node(node)
     try:
         publishers = _publishers(node, reader)
         if not publishers:
@@ -81,10 +90,10 @@ def play(
                 f"{reader.path}: has no message of a type that this machine knows; install the packages of its types: "
                 + ", ".join(sorted({kind.partition("/")[0] for kind in reader.topics.values()}))
             )
-        _wait_for_subscribers([publisher for publisher, _ in publishers.values()], wait, stopping)
+        _wait_for_subscribers([publisher for publisher, _ in publishers.values()], wait, executor, stopping)
         count = 0
         while not stopping:
-            for topic, data, stamped in _paced(node, reader, publishers, rate, max_gap, stopping):
+            for topic, data, stamped in _paced(node, reader, publishers, rate, max_gap, executor, stopping):
                 publisher, has_header = publishers[topic]
                 publisher.publish(data if keep_stamps or not has_header else _restamped(data, stamped))
                 count += 1
@@ -94,6 +103,7 @@ def play(
             publisher.wait_for_all_acked(rclpy.duration.Duration(seconds=1))
         return count
     finally:
+        executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
 
@@ -108,7 +118,7 @@ def _publishers(node: Node, reader: BagReader) -> dict[str, tuple[Any, bool]]:
         try:
             package, kind_of, name = msgtype.split("/")
             kind = getattr(import_module(f"{package}.{kind_of}"), name)
-            publisher = node.create_publisher(kind, topic, 100)
+            publisher = node.create_publisher(kind, topic, publisher_qos(offered_qos(reader.qos.get(topic, ""))))
         except (ImportError, AttributeError, ValueError, TypeError, NameValidationException):
             node.get_logger().warning(f"{topic} is not played: {msgtype!r} is not known here")
             continue
@@ -117,16 +127,72 @@ def _publishers(node: Node, reader: BagReader) -> dict[str, tuple[Any, bool]]:
     return publishers
 
 
-def _wait_for_subscribers(publishers: list[Any], seconds: float, stopping: list[int]) -> None:
+def publisher_qos(offered: Sequence[Mapping[str, Any]]) -> QoSProfile:
+    """The QoS with which one publisher stands for those that were recorded.
+
+    Parameters
+    ----------
+    offered : sequence of mapping
+        The profile of each publisher of the topic, as ``metadata.yaml`` has it.
+
+    Returns
+    -------
+    QoSProfile
+        What all of them offered. Where they differ, of each policy what fits every subscriber that one of them fitted:
+        reliable, transient local, the shortest deadline and lease. Where nothing is recorded, or what is no offer
+        ("unknown", "system_default"), ROS's default: reliable, volatile. Those who come later get as many messages as
+        all publishers together kept for them.
+    """
+    latched = [profile for profile in offered if profile["durability"] == "transient_local"]
+    if latched:
+        depth = sum(_kept(profile) for profile in latched)
+    else:  # nobody sees it: it is what may wait for its way out
+        depth = max(_LEAST_DEPTH, *(profile["depth"] for profile in offered), 0)
+    best_effort = bool(offered) and all(profile["reliability"] == "best_effort" for profile in offered)
+    manual = any(profile["liveliness"] == "manual_by_topic" for profile in offered)
+    return QoSProfile(
+        depth=min(depth, _MOST_DEPTH),
+        reliability=ReliabilityPolicy.BEST_EFFORT if best_effort else ReliabilityPolicy.RELIABLE,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
+        deadline=min((_duration(profile["deadline"]) for profile in offered), default=Infinite),
+        lifespan=max((_duration(profile["lifespan"]) for profile in offered), default=Infinite),
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC if manual else LivelinessPolicy.AUTOMATIC,
+        liveliness_lease_duration=min(
+            (_duration(profile["liveliness_lease_duration"]) for profile in offered), default=Infinite
+        ),
+        avoid_ros_namespace_conventions=any(profile["avoid_ros_namespace_conventions"] for profile in offered),
+    )
+
+
+def _kept(profile: Mapping[str, Any]) -> int:
+    """How many messages a publisher kept for those who came later."""
+    if profile["history"] == "keep_all":
+        return _MOST_DEPTH
+    return int(profile["depth"]) or _DEPTH  # DDS tells no recorder how deep a history is: then it says 0
+
+
+def _duration(time: Mapping[str, int]) -> Duration:
+    seconds, nanoseconds = time["sec"], time["nsec"]
+    unlimited = seconds >= _FOREVER or seconds < 0 or seconds == nanoseconds == 0
+    return Infinite if unlimited else Duration(seconds=seconds, nanoseconds=min(nanoseconds, _SECOND))
+
+
+def _wait_for_subscribers(publishers: list[Any], seconds: float, executor: EventsExecutor, stopping: list[int]) -> None:
     end = time.monotonic() + seconds
     while time.monotonic() < end and not stopping:
         if all(publisher.get_subscription_count() for publisher in publishers):
             return
-        time.sleep(0.02)
+        executor.spin_once(timeout_sec=0.02)
 
 
 def _paced(
-    node: Node, reader: BagReader, publishers: dict[str, Any], rate: float, max_gap: float, stopping: list[int]
+    node: Node,
+    reader: BagReader,
+    publishers: dict[str, Any],
+    rate: float,
+    max_gap: float,
+    executor: EventsExecutor,
+    stopping: list[int],
 ) -> Iterator[tuple[str, bytes, int]]:
     """Topic, message, and the distance from recorded time to the present, each message when it is due."""
     begin = recorded = last = None
@@ -140,7 +206,7 @@ def _paced(
         last = log_time
         due = begin + (log_time - recorded) * 1e-9 / rate
         while (left := due - time.monotonic()) > 0.0 and not stopping:
-            time.sleep(min(left, 0.2))  # to an absolute moment, so that delays do not add up
+            executor.spin_once(timeout_sec=min(left, 0.2))  # to an absolute moment, so that delays do not add up
         if stopping:
             return
         yield topic, data, time.time_ns() - log_time

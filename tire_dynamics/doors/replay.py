@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
-from types import ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from .errors import InputError
 from .inputs import first_reasons, hint, reasons
 from .parameters import NODE_NAME, complete, read_config
 from .progress import progress
-from .wiring import LOG_RECORD, TF_STATIC, TICK, Produced, Stretch, Wiring, input_types
+from .wiring import LOG_RECORD, TF_STATIC, TICK, Events, Wiring, input_types
 
 __all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
 
@@ -51,7 +50,6 @@ def replay(
     *,
     config: str | PathLike[str] | None = None,
     force: bool = False,
-    kernels: ModuleType | None = None,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
@@ -70,8 +68,6 @@ def replay(
         log's own, and for any other bag the default, with the wheels that its topics name.
     force : bool
         Replace an output that exists.
-    kernels : module, optional
-        As :class:`~tire_dynamics.estimator.motion.Motion` takes it; the output has the same bits with each.
     quiet : bool
         Show no progress, not even on a terminal.
     remaps, joints : mapping, optional
@@ -103,15 +99,15 @@ def replay(
     if log is None:
         check(reader, how)
     try:
-        wiring = Wiring(values, kernels)
+        wiring = Wiring(values)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
     if clock is None and log is not None and log["parameters"].get("rate_hz") == wiring.values["rate_hz"]:
-        stretches = _recorded(reader, names, quiet)
+        blocks = _recorded(reader, names, quiet)
     else:
-        stretches = _received(reader, names, wiring, quiet)
+        blocks = _received(reader, names, wiring, quiet)
     try:
-        received, written = _run(wiring, stretches, names, Path(output), force, own_parameters=config is None)
+        received, written = _run(wiring, blocks, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
         raise InputError(f"{source}: {error}") from None
     except _NothingError as error:
@@ -227,7 +223,7 @@ def remaps_of(texts: Iterable[str]) -> dict[str, str]:
 
 def _run(
     wiring: Wiring,
-    stretches: Iterable[_Stretch],
+    blocks: Iterable[Events],
     names: Mapping[str, str],
     output: Path,
     force: bool,
@@ -250,29 +246,33 @@ def _run(
         if wiring.values["tf.parent_frame"]:
             handles[TF_STATIC] = writer.add_topic(TF_STATIC, messages.TF, qos="latched")
         begun, dropped = False, dict[str, int]()
-        for log_time, stretch, published in _between_records(stretches):
-            first = stretch.topics[stretch.topic[0]]
+        channels = {topic: handles[topic] for topic in (*wiring.inputs, *wiring.outputs, TICK)}
+        for events in _between_records(blocks):
+            first = events.topics[events.topic[0]]
             if first == LOG_RECORD:
-                record = log_record(stretch.data[stretch.start[0] : stretch.start[0] + stretch.size[0]])
+                record = log_record(events.data[events.start[0] : events.start[0] + events.size[0]])
                 _continue(wiring, record, first=not begun, own_parameters=own_parameters)
                 dropped = record.get("dropped", {})
-            if writing is not None and (first == LOG_RECORD or not begun):
-                writing.result()
             if first == LOG_RECORD or not begun:
-                times = int(log_time[0]), int(published[0])
+                if writing is not None:
+                    writing.result()
+                times = int(events.received[0]), int(events.published[0])
                 writer.write(handles[LOG_RECORD], *times, wiring.record(names, dropped))
                 if (transforms := wiring.transforms(times[0])) is not None:
                     writer.write(handles[TF_STATIC], *times, transforms)
                 begun = True
             if first == LOG_RECORD:
                 continue
-            produced = wiring.run(stretch)
+            records = wiring.run(events, channels)
+            every = records.received + records.written
+            counts = {channels[topic]: count for topic, count in every.items() if topic in channels}
+            span = int(events.received.min()), int(events.received.max())
+            data = bytes(records.data)
             if writing is not None:
                 writing.result()
-            writing = pool.submit(_write, writer, handles, log_time, published, stretch, produced)
-            counts = np.bincount(stretch.topic, minlength=len(stretch.topics)).tolist()
-            received.update(dict(zip(stretch.topics, counts, strict=True)))
-            written.update(produced.topic)
+            writing = pool.submit(writer.write_records, data, records.starts, counts, span)
+            received.update(records.received)
+            written.update(records.written)
         if writing is not None:
             writing.result()
         if not written:
@@ -281,25 +281,6 @@ def _run(
         {topic: received[topic] for topic in wiring.inputs},
         {topic: written[topic] for topic in wiring.outputs},
     )
-
-
-def _write(
-    writer: BagWriter,
-    handles: Mapping[str, int],
-    log_time: IntArray,
-    published: IntArray,
-    stretch: Stretch,
-    produced: Produced,
-) -> None:
-    """The messages of a stretch, the outputs of each tick behind it."""
-    events = stretch.topic.size
-    place = np.concatenate([np.arange(events), produced.place])
-    order = np.argsort(place, kind="stable")
-    handle = np.array([handles.get(name, 0) for name in stretch.topics])
-    topic = np.concatenate([handle[stretch.topic], [handles[name] for name in produced.topic]]).astype(np.int64)
-    bounds = zip(stretch.start.tolist(), (stretch.start + stretch.size).tolist(), strict=True)
-    data = [stretch.data[start:end] for start, end in bounds] + produced.data
-    writer.write_block(topic[order], log_time[place[order]], published[place[order]], [data[k] for k in order.tolist()])
 
 
 def _continue(wiring: Wiring, record: Mapping[str, Any], *, first: bool, own_parameters: bool) -> None:
@@ -326,14 +307,15 @@ def _why_nothing(wiring: Wiring, received: Counter[str]) -> str:
     if wiring.malformed:
         topic, count = wiring.malformed.most_common(1)[0]
         return f"no wheel ever had a speed and a load: {count} messages on {topic} are not what their type says"
+    outcomes_of = [inputs.counts for inputs in wiring.vehicle.inputs]
     counts = {
         f"{wheel}: {outcome}": count
-        for wheel, counter in zip(wiring.vehicle.settings.wheels, wiring.vehicle.counts, strict=True)
+        for wheel, counter in zip(wiring.vehicle.settings.wheels, outcomes_of, strict=True)
         for outcome, count in counter.items()
     }
     seen = ", ".join(f"{topic} {received[topic]}" for topic in wiring.inputs if received[topic]) or "no input"
     outcomes = f" ({', '.join(f'{outcome} {count}' for outcome, count in counts.items())})" if counts else ""
-    if any(counter[why] for counter in wiring.vehicle.counts for why in ("late", "in the future", "no stamp")):
+    if any(counter[why] for counter in outcomes_of for why in ("late", "in the future", "no stamp")):
         hint = "the stamps must be of the clock that the messages were received by"
     elif received["joint_states"] and not any(received[topic] for topic in received if topic.endswith("/wheel_speed")):
         hint = "--config can give joint_names as they stand in joint_states"
@@ -490,26 +472,17 @@ def _listed(topics: Iterable[str]) -> str:
 # -- the order of events ----------------------------------------------------------------------------------------
 
 
-class _Stretch(NamedTuple):
-    """Events, :data:`LOG_RECORD` among them, with the times that the bag has for them [ns]."""
-
-    log_time: IntArray
-    events: Stretch
-    published: IntArray
-
-
-def _between_records(stretches: Iterable[_Stretch]) -> Iterator[_Stretch]:
-    """The stretches, cut such that each log record is one of its own."""
-    for log_time, events, published in stretches:
+def _between_records(blocks: Iterable[Events]) -> Iterator[Events]:
+    """The events, :data:`LOG_RECORD` among them, cut such that each log record is one of its own."""
+    for events in blocks:
         record = events.topics.index(LOG_RECORD) if LOG_RECORD in events.topics else -1
         records = np.flatnonzero(events.topic == record)
         edges = np.unique(np.concatenate([[0], records, records + 1, [events.topic.size]]))
         for first, last in itertools.pairwise(edges.tolist()):
-            some = slice(first, last)
-            yield _Stretch(log_time[some], events.part(some), published[some])
+            yield events.part(slice(first, last))
 
 
-def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[_Stretch]:
+def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[Events]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
     wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
@@ -523,11 +496,10 @@ def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Itera
             messages.decode_clock(block.data[start : start + block.size[ticks[~valid][0]]])  # says why
         tick, published = np.zeros_like(block.log_time), block.publish_time.copy()
         tick[ticks] = published[ticks] = times
-        events = Stretch(topics, block.topic, block.log_time, tick, block.data, block.start, block.size)
-        yield _Stretch(block.log_time, events, published)
+        yield Events(topics, block.topic, block.log_time, published, tick, block.data, block.start, block.size)
 
 
-def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring, quiet: bool) -> Iterator[_Stretch]:
+def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring, quiet: bool) -> Iterator[Events]:
     """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
 
     Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
@@ -549,7 +521,7 @@ def _received(reader: BagReader, names: Mapping[str, str], wiring: Wiring, quiet
     if due is not None and due == last:
         data = messages.encode_clock(due)
         moment, one = np.array([due]), np.zeros(1, np.int64)
-        yield _Stretch(moment, Stretch((TICK,), one, moment, moment, data, one, one + len(data)), moment)
+        yield Events((TICK,), one, moment, moment, moment, data, one, one + len(data))
 
 
 def _ticks_before(times: IntArray, due: int, last: int, period: int, silence: int) -> tuple[IntArray, int]:
@@ -568,7 +540,7 @@ def _ticks_before(times: IntArray, due: int, last: int, period: int, silence: in
     return np.concatenate([np.empty(0, np.int64), *pieces]), due
 
 
-def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> _Stretch:
+def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> Events:
     """Messages and ticks in order; a tick is before the messages of later times."""
     encoded = messages.encode_clocks(ticks)
     size = len(encoded[0]) if encoded else 0
@@ -582,8 +554,8 @@ def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> _Stre
         )
     ]  # fmt: skip
     data = block.data + b"".join(encoded)
-    events = Stretch((*topics, TICK), columns[0], columns[1], columns[2], data, columns[3], columns[4])
-    return _Stretch(columns[1], events, columns[5])
+    topic, received, tick, starts, sizes, published = columns
+    return Events((*topics, TICK), topic, received, published, tick, data, starts, sizes)
 
 
 def _size(block: Block) -> int:

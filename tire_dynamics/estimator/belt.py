@@ -1,29 +1,40 @@
-"""The motion of the belt: its modes beside n = 1, and the shape that all modes make together."""
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The motion of the belts: their modes beside n = 1, and the shape that all modes make together."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from numbers import Integral
-from types import ModuleType
-from typing import Any, Final, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..science.elementary import cos_sin
 from ..science.modes import RingModes
-from ..science.stepping import Room
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
 
-__all__ = ["BeltMotion", "BeltShape", "Path", "belt_numbers", "ring_angles"]
+try:
+    import cython
+except ImportError:
+    from ..science import cython_stand_in as cython
+if cython.compiled:
+    from cython.cimports.tire_dynamics.estimator.motion import Motion
+    from cython.cimports.tire_dynamics.science.eigensystem import mode_eigensystem, twist_at
+    from cython.cimports.tire_dynamics.science.elementary import grow
+else:
+
+    from ..science.eigensystem import mode_eigensystem, twist_at
+    from ..science.elementary import grow
+    from .motion import Motion
+
+__all__ = ["BeltMotion", "belt_numbers", "ring_angles", "shape_basis"]
 
 FloatArray = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
-IntArray = NDArray[np.int64]
 
-_MOST_WAITING: Final = 4096  # steps that wait for the shape to be wanted
+_ROOM = cython.declare(cython.Py_ssize_t, 64)  # intervals that may wait
 
 
 def ring_angles(samples: int) -> FloatArray:
@@ -39,8 +50,8 @@ def belt_numbers(n_max: int, model: Model) -> NDArray[np.int64]:
     return np.concatenate([[0], numbers]) if model == "complete" else numbers
 
 
-class BeltShape:
-    """Deflection of the belt relative to the wheel centre, at fixed angles, from the amplitudes of all modes.
+def shape_basis(psi: ArrayLike, numbers: ArrayLike) -> FloatArray:
+    """What makes the belt's deflection at angles of the amplitudes of its modes.
 
     Parameters
     ----------
@@ -48,246 +59,430 @@ class BeltShape:
         Angles fixed in space [rad].
     numbers : array_like of int, shape (N,)
         Wavenumbers of the modes beside n = 1.
+
+    Returns
+    -------
+    ndarray, shape (2 + 2 N, P)
+        cos psi and sin psi, then cos n psi of all modes, then sin n psi.
     """
-
-    def __init__(self, psi: ArrayLike, numbers: ArrayLike) -> None:
-        angle = np.asarray(psi, dtype=np.float64)
-        if angle.ndim != 1 or not np.isfinite(angle).all():
-            raise ValueError("psi must be a row of finite angles")
-        phase = np.multiply.outer(np.concatenate([[1.0], np.asarray(numbers, dtype=np.float64)]), angle)
-        cosine, sine = cos_sin(phase)
-        self._first = np.stack([cosine[0], sine[0]])
-        self._rest = np.concatenate([cosine[1:], sine[1:]])
-        self.basis = np.concatenate([self._first, self._rest])
-        self.size = angle.size
-
-    def deflection(self, first: FloatArray, radial: ComplexArray, tangential: ComplexArray) -> FloatArray:
-        """Radial (outward) and tangential (along increasing psi) deflection [m], shape (..., 2, P).
-
-        Parameters
-        ----------
-        first : ndarray, shape (..., 4)
-            The n = 1 part, :func:`~tire_dynamics.science.wheel.belt_amplitudes`.
-        radial, tangential : ndarray of complex, shape (..., N)
-            Z_1 and Z_2 of the others: u = Re[conj(Z) exp(i n psi)].
-        """
-        rest = np.stack([radial, tangential], axis=-2)
-        shape = np.concatenate([rest.real, rest.imag], axis=-1) @ self._rest
-        shape += np.stack([first[..., :2], first[..., 2:]], axis=-2) @ self._first
-        deflection: FloatArray = shape
-        return deflection
-
-    def sums(self, first: FloatArray, amplitudes: FloatArray, kernels: ModuleType) -> FloatArray:
-        """As :meth:`deflection`, shape (M, 2, P), with sums in order.
-
-        Parameters
-        ----------
-        first : ndarray, shape (M, 4)
-        amplitudes : ndarray, shape (2, M, 2, N)
-            As :meth:`BeltMotion.amplitudes` gives them.
-        kernels : module
-        """
-        rows = np.concatenate([first.reshape(-1, 2, 2), amplitudes[0], amplitudes[1]], axis=-1)
-        result: FloatArray = kernels.deflections(np.ascontiguousarray(rows), self.basis)
-        return result
+    angle = np.asarray(psi, dtype=np.float64)
+    if angle.ndim != 1 or not np.isfinite(angle).all():
+        raise ValueError("psi must be a row of finite angles")
+    phase = np.multiply.outer(np.concatenate([[1.0], np.asarray(numbers, dtype=np.float64)]), angle)
+    cosine, sine = cos_sin(phase)
+    basis: FloatArray = np.concatenate([cosine[:1], sine[:1], cosine[1:], sine[1:]])
+    return basis
 
 
-class Path(NamedTuple):
-    """What one belt goes through: steps over which speed and force are held, and after how many of them it is wanted.
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _combine(
+    rows: cython.double[::1],
+    basis: cython.double[::1],
+    shape: cython.double[::1],
+    B: cython.Py_ssize_t,
+    P: cython.Py_ssize_t,
+) -> cython.void:
+    """rows (2, B) times basis (B, P) into shape (2, P), sums over B in order; B is even."""
+    c: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    i: cython.Py_ssize_t
+    x: cython.double
+    y: cython.double
+    for c in range(2):
+        for i in range(P):
+            shape[c * P + i] = 0.0
+        for k in range(0, B, 2):
+            x, y = rows[c * B + k], rows[c * B + k + 1]
+            for i in range(P):
+                shape[c * P + i] = (shape[c * P + i] + x * basis[k * P + i]) + y * basis[(k + 1) * P + i]
 
-    ``length`` [ns] (I,), ``speed`` [rad/s] (I,), ``force`` [f_r, f_t] [N] (I, 2), ``ends`` (M,) ascending, 0..I.
-    """
 
-    length: IntArray
-    speed: FloatArray
-    force: FloatArray
-    ends: IntArray
-
-
+@cython.cclass
 class BeltMotion:
     """The modes beside n = 1 of W belts through time, under forces that are held between changes.
 
-    Steps are noted as they come and taken when the shape is wanted. Those of one force are taken as one; so the
-    result depends on when the force and the speed change and when the shape is wanted, and on nothing else.
+    In its own coordinates each mode goes to its steady state s under the force, w <- s + exp(mu h) (w - s), exactly
+    over any length h. Steps of one speed and force make one interval; intervals wait, a bounded number of them, until
+    the shape is wanted, and the one that is not over yet is never cut: when the shape is wanted changes nothing.
 
     Parameters
     ----------
     unit : TireWheelUnit
-    n_max : int
     model : {"inextensional", "complete"}
+    n_max : int
     wheels : int
-    kernels : module
-        :mod:`~tire_dynamics.science.kernels` or :mod:`~tire_dynamics.science.compiled`.
+    psi : array_like, shape (P,)
+        Angles fixed in space [rad] at which the shape is wanted.
     """
 
-    def __init__(self, unit: TireWheelUnit, n_max: int, model: Model, wheels: int, kernels: ModuleType) -> None:
-        self.modes = RingModes(unit, belt_numbers(n_max, model), model)
-        self._kernels = kernels
-        self._speeds = np.zeros(wheels)
-        self._spins = self.modes.spins(self._speeds, self._kernels)
-        self._own = np.zeros(self._spins.exponents.shape)
-        self._waiting: list[list[tuple[int, float, float, float]]] = [[] for _ in range(wheels)]
-        self._room = Room()
-        self._noted: dict[int, FloatArray] = {}  # states as they were noted or given, until they change
+    # Per wheel, M = N K numbers side by side (K = 2 eigenvalues of each inextensional mode, 4 of each complete one),
+    # real and imaginary parts in rows of their own. For K = 2 the layouts are those of mode_eigensystem; for K = 4,
+    # right and left have a row for each element of the state x = (V_1, V_2, Z_1, Z_2).
+
+    def __init__(self, unit: TireWheelUnit, model: Model, n_max: int, wheels: int, psi: ArrayLike) -> None:
+        numbers = belt_numbers(n_max, model)
+        basis = shape_basis(psi, numbers)
+        self.wheels, self.points = wheels, basis.shape[1]
+        self.complete = model == "complete"
+        self.N, self.K = numbers.size, 4 if self.complete else 2
+        self.M = self.N * self.K
+        self.basis = np.ascontiguousarray(basis).reshape(-1).data
+        self.numbers = numbers.astype(np.float64).data
+        self.speed = _zeros(wheels)
+        self.own = _zeros(2 * wheels * self.M)
+        self.rate, self.frequency = _zeros(wheels * self.M), _zeros(wheels * self.M)
+        self.steady = _zeros(4 * wheels * self.M)
+        rows = 8 if self.complete else 2  # of right
+        self.right = _zeros(rows * wheels * self.M)
+        self.left = _zeros((8 if self.complete else 4) * wheels * self.M)
+        self.real, self.imaginary = _zeros(self.M), _zeros(self.M)
+        self.shown = _zeros(2 * self.M)
+        self.rows = _zeros(2 * (2 + 2 * self.N))
+        self.shape = _zeros(2 * self.points)
+        self.room = _ROOM
+        self.waiting = np.zeros(wheels, dtype=np.int64).data
+        self.length = np.zeros(wheels * _ROOM, dtype=np.int64).data
+        self.held = _zeros(3 * wheels * _ROOM)
+        self._set_modes(RingModes(unit, numbers, model))
+        for wheel in range(wheels):
+            self._eigensystem(wheel, 0.0)
+
+    def _set_modes(self, modes: RingModes) -> None:
+        self.modes = modes
+        self.table = np.ascontiguousarray(modes.table).reshape(-1).data
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tires from now on. Positions and velocities go on as they are."""
-        if unit != self.modes.unit:
-            self._take_up(range(len(self._waiting)))
-            states = self._spins.state(self._own)
-            self.modes = RingModes(unit, self.modes.numbers, self.modes.model)
-            self._spins = self.modes.spins(self._speeds, self._kernels)
-            self._own = self._spins.own(states)
-            self._noted = dict(enumerate(np.moveaxis(states, 1, 0)))
+        if unit == self.modes.unit:
+            return
+        states = [self._state_now(wheel) for wheel in range(self.wheels)]
+        self._set_modes(RingModes(unit, self.modes.numbers, self.modes.model))
+        for wheel, state in enumerate(states):
+            self.waiting[wheel] = 0
+            self._eigensystem(wheel, self.speed[wheel])
+            self._put(wheel, self._own(wheel, state))
 
     def reset(self, index: int) -> None:
         """Be at rest."""
-        self._waiting[index] = []
-        self._turn_at(index, 0.0)
-        self._own[:, index] = 0.0
-        self._noted.pop(index, None)
+        self.waiting[index] = 0
+        self._eigensystem(index, 0.0)
+        self._put(index, np.zeros((2, self.N, self.K)))
 
     def start(self, index: int, speed: float, load: float, traction: float) -> None:
         """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
-        self._waiting[index] = []
-        self._turn_at(index, speed)
-        steady = self._spins.steady[:, index]
-        self._own[:, index] = steady[..., 0] * -load + steady[..., 1] * -traction
-        self._noted.pop(index, None)
+        self.waiting[index] = 0
+        if speed != self.speed[index]:
+            self._eigensystem(index, speed)
+        first, M = 4 * index * self.M, self.M
+        steady = np.array(self.steady[first : first + 4 * M]).reshape(4, M)
+        radial, tangential = -load, -traction
+        self._put(index, steady[:2] * radial + steady[2:] * tangential)
 
-    def _turn_at(self, index: int, speed: float) -> None:
-        if speed != self._speeds[index]:
-            self._speeds[index] = speed
-            for all_wheels, new in zip(self._spins, self.modes.spins(np.array([speed]), self._kernels), strict=True):
-                all_wheels[:, index] = new[:, 0]
+    def _put(self, wheel: int, own: FloatArray) -> None:
+        """Coordinates, real and imaginary parts."""
+        for k, value in enumerate(own.reshape(-1).tolist(), 2 * wheel * self.M):
+            self.own[k] = value
 
-    def hold(self, index: int, steps: Sequence[tuple[int, float, float, float]]) -> None:
-        """Go on through steps: length [ns], speed [rad/s], load and traction [N] that are held over each."""
-        self._waiting[index] += steps
-        if len(self._waiting[index]) > _MOST_WAITING:
-            self._follow({index: self._path(index, wanted=False)})
-
-    def _path(self, index: int, *, wanted: bool) -> Path:
-        columns = np.array(self._waiting[index], dtype=np.float64).reshape(-1, 4)
-        ends = np.array([len(columns)] if wanted else [], dtype=np.int64)
-        return Path(columns[:, 0].astype(np.int64), columns[:, 1], -columns[:, 2:], ends)
-
-    def _take_up(self, indices: Sequence[int]) -> FloatArray:
-        """Take all steps that wait; the wheels' states x, shape (2, len, N, k)."""
-        return self._follow({index: self._path(index, wanted=True) for index in indices})
-
-    def amplitudes(self, indices: Sequence[int]) -> FloatArray:
-        """Z_1 and Z_2 of some wheels' modes [m], shape (2, len, 2, N): (real, imaginary), wheel, component, mode."""
-        return self._components(self._take_up(indices))
-
-    def deflections(self, indices: Sequence[int], first: FloatArray, shape: BeltShape) -> FloatArray:
-        """Radial and tangential deflection of some belts [m], shape (len, 2, P), given their n = 1 parts, (len, 4)."""
-        take_up = getattr(self._kernels, "take_up", None)
-        if take_up is None or self.modes.model == "complete" or any(index in self._noted for index in indices):
-            return shape.sums(first, self.amplitudes(indices), self._kernels)
-        rows = np.empty((len(indices), 2, 2 + 2 * self.modes.numbers.size))
-        for position, index in enumerate(indices):  # in one go, for the live node
-            steps = np.array(self._waiting[index], dtype=np.float64).reshape(-1, 4)
-            self._waiting[index] = []
-            wheel = (*self._spins, index, self._speeds[index], *self.modes.parts)
-            self._speeds[index] = take_up(self._own, *wheel, steps, first[position], rows[position])
-        belts: FloatArray = self._kernels.deflections(rows, shape.basis)
-        return belts
-
-    def _components(self, states: FloatArray) -> FloatArray:
-        if self.modes.model == "complete":
-            return np.stack([states[..., 2], states[..., 3]], axis=-2)
-        n, Z = self.modes.numbers, states[..., 1]
-        return np.stack([Z, np.stack([Z[1] / n, -Z[0] / n])], axis=-2)  # Z_2 = -i Z_1/n
-
-    def follow(self, paths: Mapping[int, Path]) -> FloatArray:
-        """Take belts through paths; their amplitudes at the paths' ends, wheel after wheel.
-
-        What each wheel was waiting to take goes before its path, what stands behind the last end of it waits.
-
-        Returns
-        -------
-        ndarray, shape (2, M, 2, N)
-            As :meth:`amplitudes`, M the number of all ends.
-        """
-        whole = {}
-        for index, path in paths.items():
-            before = self._path(index, wanted=False)
-            whole[index] = Path(
-                np.concatenate([before.length, path.length]),
-                np.concatenate([before.speed, path.speed]),
-                np.concatenate([before.force, path.force]),
-                path.ends + before.length.size,
+    def _eigensystem(self, wheel: int, speed: float) -> None:
+        self.speed[wheel] = speed
+        if not self.complete:
+            mode_eigensystem(
+                self.N, self.table, speed, wheel, self.rate, self.frequency, self.steady, self.right, self.left
             )
-        return self._components(self._follow(whole))
+            return
+        modes, M = self.modes.at(speed), self.M
+        shapes = modes.steady_shapes()
+        for target, rows in (
+            (self.rate, [modes.exponents.real]),
+            (self.frequency, [modes.exponents.imag]),
+            (self.steady, [part for k in range(2) for part in (shapes[..., k].real, shapes[..., k].imag)]),
+            (self.right, [part for k in range(4) for part in (modes.right[:, k].real, modes.right[:, k].imag)]),
+            (self.left, [part for k in range(4) for part in (modes.left[..., k].real, modes.left[..., k].imag)]),
+        ):
+            values = np.concatenate([np.ascontiguousarray(row).reshape(-1) for row in rows])
+            np.asarray(target)[wheel * len(rows) * M : (wheel + 1) * len(rows) * M] = values
 
-    def _follow(self, paths: Mapping[int, Path]) -> FloatArray:
-        """The states x at all ends, shape (2, M, N, k). What stands behind the last end of each path waits."""
-        wheels = np.array(list(paths))
-        steps_of = np.cumsum([0, *(path.length.size for path in paths.values())])
-        ends_of = np.cumsum([0, *(path.ends.size for path in paths.values())])
-        columns = [np.concatenate(each) for each in zip(*paths.values(), strict=True)]
-        length, speed, force, ends = columns
-        ends += np.repeat(steps_of[:-1], np.diff(ends_of))
-        before = np.empty_like(speed)
-        before[1:] = speed[:-1]
-        some = steps_of[1:] > steps_of[:-1]
-        before[steps_of[:-1][some]] = self._speeds[wheels[some]]
-        changed = np.flatnonzero(speed != before)
-        whose = np.searchsorted(steps_of, changed, side="right") - 1
+    # -- time -----------------------------------------------------------------------------------------------
 
-        if changed.size:
-            speeds = np.concatenate([self._speeds[wheels], speed[changed]])
-            # once more for the first few: cheaper than to join
-            spins = self.modes.spins(speeds, self._kernels, self._room)
-            after = wheels.size + np.arange(changed.size)
-            previous = after - 1
-            leads = np.append(True, whose[1:] != whose[:-1])
-            previous[leads] = whose[leads]
-            matrices, jumps = self.modes.changes(spins, speeds, previous, after, self._kernels)
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def hold(
+        self,
+        wheel: cython.Py_ssize_t,
+        length: cython.longlong,
+        speed: cython.double,
+        load: cython.double,
+        traction: cython.double,
+    ) -> cython.void:
+        """Go on by a length [ns] under a speed, a load and a traction."""
+        first: cython.Py_ssize_t = wheel * self.room
+        last: cython.Py_ssize_t = first + self.waiting[wheel] - 1
+        if (
+            self.waiting[wheel]
+            and self.held[3 * last] == speed
+            and self.held[3 * last + 1] == load
+            and self.held[3 * last + 2] == traction
+        ):
+            self.length[last] += length
+            return
+        if self.waiting[wheel] == self.room:
+            self.take(wheel)
+            last = first + self.waiting[wheel] - 1
+        last += 1
+        self.waiting[wheel] += 1
+        self.length[last] = length
+        self.held[3 * last] = speed
+        self.held[3 * last + 1] = load
+        self.held[3 * last + 2] = traction
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take(self, wheel: cython.Py_ssize_t) -> cython.void:
+        """Go through the intervals that are over, and to the beginning of the last."""
+        first: cython.Py_ssize_t = wheel * self.room
+        last: cython.Py_ssize_t = first + self.waiting[wheel] - 1
+        entry: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        if not self.waiting[wheel]:
+            return
+        for entry in range(first, last + 1):
+            if self.held[3 * entry] != self.speed[wheel]:
+                self.change_speed(wheel, self.held[3 * entry])
+            if entry < last:
+                self.interval(wheel, entry, self.own, 2 * wheel * self.M)
+        self.length[first] = self.length[last]
+        for k in range(3):
+            self.held[3 * first + k] = self.held[3 * last + k]
+        self.waiting[wheel] = 1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def change_speed(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.void:
+        """Change the speed at once: the Euler terms' integral makes the velocities jump."""
+        M: cython.Py_ssize_t = self.M
+        at: cython.Py_ssize_t = 2 * wheel * M
+        i: cython.Py_ssize_t
+        e: cython.Py_ssize_t
+        before: cython.double = self.speed[wheel]
+        # gamma depends on Omega^2; that of the mean square
+        square: cython.double = (before * before + before * speed + speed * speed) / 3.0
+        V: cython.double
+        U: cython.double
+        X: cython.double
+        Y: cython.double
+        twist: cython.double
+        if self.complete:
+            with cython.gil:
+                self._change_speed_complete(wheel, speed)
+            return
+        for i in range(self.N):
+            V = U = X = Y = 0.0
+            for e in range(2 * i, 2 * i + 2):
+                V += self.right[at + e] * self.own[at + e] - self.right[at + M + e] * self.own[at + M + e]
+                U += self.right[at + e] * self.own[at + M + e] + self.right[at + M + e] * self.own[at + e]
+                X += self.own[at + e]
+                Y += self.own[at + M + e]
+            # V - i gamma change Z
+            twist = (speed - before) * twist_at(self.table, i, square)
+            V, U = V + twist * Y, U - twist * X
+            self.shown[4 * i], self.shown[4 * i + 1], self.shown[4 * i + 2], self.shown[4 * i + 3] = V, U, X, Y
+        self.speed[wheel] = speed
+        mode_eigensystem(
+            self.N, self.table, speed, wheel, self.rate, self.frequency, self.steady, self.right, self.left
+        )
+        for i in range(self.N):
+            V, U, X, Y = self.shown[4 * i], self.shown[4 * i + 1], self.shown[4 * i + 2], self.shown[4 * i + 3]
+            for e in range(2 * i, 2 * i + 2):
+                self.own[at + e] = (self.left[2 * at + e] * V - self.left[2 * at + M + e] * U) + (
+                    self.left[2 * at + 2 * M + e] * X - self.left[2 * at + 3 * M + e] * Y
+                )
+                self.own[at + M + e] = (self.left[2 * at + e] * U + self.left[2 * at + M + e] * V) + (
+                    self.left[2 * at + 2 * M + e] * Y + self.left[2 * at + 3 * M + e] * X
+                )
+
+    def _change_speed_complete(self, wheel: int, speed: float) -> None:
+        real, imaginary = self._state(wheel)
+        state = self.modes.change_speed(real + 1j * imaginary, self.speed[wheel], speed)
+        self._eigensystem(wheel, speed)
+        self._put(wheel, self._own(wheel, np.stack([state.real, state.imag])))
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def interval(
+        self,
+        wheel: cython.Py_ssize_t,
+        entry: cython.Py_ssize_t,
+        result: cython.double[::1],
+        at: cython.Py_ssize_t,
+    ) -> cython.void:
+        """The coordinates behind an interval, into two rows of a buffer."""
+        M: cython.Py_ssize_t = self.M
+        own: cython.Py_ssize_t = 2 * wheel * M
+        row: cython.Py_ssize_t = 4 * wheel * M
+        e: cython.Py_ssize_t
+        radial: cython.double = -self.held[3 * entry + 1]
+        tangential: cython.double = -self.held[3 * entry + 2]
+        p: cython.double
+        q: cython.double
+        a: cython.double
+        b: cython.double
+        grow(M, wheel * M, self.rate, self.frequency, self.length[entry] * 1e-9, self.real, self.imaginary)
+        for e in range(M):
+            p = self.steady[row + e] * radial + self.steady[row + 2 * M + e] * tangential
+            q = self.steady[row + M + e] * radial + self.steady[row + 3 * M + e] * tangential
+            a, b = self.own[own + e] - p, self.own[own + M + e] - q
+            result[at + e] = p + (self.real[e] * a - self.imaginary[e] * b)
+            result[at + M + e] = q + (self.real[e] * b + self.imaginary[e] * a)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def deflect(self, wheel: cython.Py_ssize_t, motion: Motion) -> cython.void:
+        """The belt's deflection into ``shape``: radial at all points, then tangential."""
+        N: cython.Py_ssize_t = self.N
+        M: cython.Py_ssize_t = self.M
+        B: cython.Py_ssize_t = 2 + 2 * self.N
+        P: cython.Py_ssize_t = self.points
+        i: cython.Py_ssize_t
+        e: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        q: cython.Py_ssize_t = wheel * motion.states + motion.states // 2
+        right: cython.Py_ssize_t = 8 * wheel * M
+        a: cython.double
+        b: cython.double
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        up: cython.Py_ssize_t = q + (4 if self.complete else 2)
+        # the n = 1 part, relative to the wheel's centre
+        y = motion.state[up]
+        x = 0.0 if motion.held else motion.state[up + 1]
+        self.rows[0] = motion.state[q] - x
+        self.rows[1] = motion.state[q + 1] - y
+        self.rows[B] = (motion.state[q + 2] if self.complete else motion.state[q + 1]) - y
+        self.rows[B + 1] = motion.state[q + 3] + x if self.complete else x - motion.state[q]
+        self.take(wheel)
+        if self.waiting[wheel]:
+            self.interval(wheel, wheel * self.room, self.shown, 0)
         else:
-            spins = self._spins.at(wheels)
-            shape = spins.right.shape
-            matrices, jumps = np.empty((2, 0, *shape[2:])), np.empty((2, 0, *shape[2:-1]))
-        own = np.take(self._own, wheels, axis=1)
-        outputs = np.empty((2, ends.size, *own.shape[2:]))
-        modes = own, spins.exponents, spins.steady, matrices, jumps
-        taken, spin = self._kernels.follow(*modes, length, force, changed, ends, steps_of, ends_of, outputs)
-        self._own[:, wheels] = own
-        states = spins.state(outputs, spin)
-        for position, (wheel, path) in enumerate(paths.items()):
-            done = int(taken[position] - steps_of[position])
-            turns = np.flatnonzero(whose == position)
-            if turns.size:
-                self._speeds[wheel] = speed[changed[turns[-1]]]
-                for all_wheels, new in zip(self._spins, spins, strict=True):
-                    all_wheels[:, wheel] = new[:, wheels.size + turns[-1]]
-            if wheel in self._noted:
-                unmoved = np.arange(ends_of[position], ends_of[position + 1])[path.ends == 0]
-                states[:, unmoved] = self._noted[wheel][:, None]
-                if done or turns.size:
-                    del self._noted[wheel]
-            waiting = (path.length[done:], path.speed[done:], *(-path.force[done:]).T)
-            self._waiting[wheel] = list(zip(*(column.tolist() for column in waiting), strict=True))
-        return states
+            for e in range(2 * M):
+                self.shown[e] = self.own[2 * wheel * M + e]
+        for i in range(N):
+            x = y = u = v = 0.0
+            if self.complete:
+                for e in range(4 * i, 4 * i + 4):
+                    a, b = self.shown[e], self.shown[M + e]
+                    k = right + 4 * M + e  # Z_1 of the eigenvector, then Z_2
+                    x += self.right[k] * a - self.right[k + M] * b
+                    y += self.right[k] * b + self.right[k + M] * a
+                    u += self.right[k + 2 * M] * a - self.right[k + 3 * M] * b
+                    v += self.right[k + 2 * M] * b + self.right[k + 3 * M] * a
+            else:  # Z_2 = -i Z_1/n
+                x = self.shown[2 * i] + self.shown[2 * i + 1]
+                y = self.shown[M + 2 * i] + self.shown[M + 2 * i + 1]
+                u = y / self.numbers[i]
+                v = -x / self.numbers[i]
+            self.rows[2 + i], self.rows[2 + N + i] = x, y
+            self.rows[B + 2 + i], self.rows[B + 2 + N + i] = u, v
+        _combine(self.rows, self.basis, self.shape, B, P)
+
+    # -- what can be read -----------------------------------------------------------------------------------
+
+    def advance(self, index: int, length: int, speed: float, load: float, traction: float = 0.0) -> None:
+        """Go on by a length [ns] under a speed [rad/s], a load and a traction [N] that are held."""
+        self.hold(index, length, speed, load, traction)
+
+    def deflection(self, index: int, motion: Motion) -> FloatArray:
+        """Radial and tangential deflection relative to the wheel centre [m], shape (2, P), with the n = 1 motion."""
+        self.deflect(index, motion)
+        return np.array(self.shape).reshape(2, -1)
+
+    def state_of(self, index: int) -> NDArray[np.complex128]:
+        """The state x of one belt now, shape (N, K): V, Z, or V_1, V_2, Z_1, Z_2."""
+        real, imaginary = self._state_now(index)
+        return real + 1j * imaginary
+
+    # Real and imaginary parts along the first axis: NumPy's own complex products may or may not be fused.
+
+    def _state_now(self, wheel: int) -> FloatArray:
+        """The state x, shape (2, N, K)."""
+        self.take(wheel)
+        if not self.waiting[wheel]:
+            return self._state(wheel)
+        self.interval(wheel, wheel * self.room, self.shown, 0)
+        return self._with_right(wheel, np.array(self.shown).reshape(2, self.N, self.K))
+
+    def _state(self, wheel: int) -> FloatArray:
+        """The same at the beginning of the interval."""
+        own = np.array(self.own[2 * wheel * self.M : 2 * (wheel + 1) * self.M])
+        return self._with_right(wheel, own.reshape(2, self.N, self.K))
+
+    def _with_right(self, wheel: int, own: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 2
+        right = np.array(self.right[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        elements = [_sum_of_products(row, own) for row in right]
+        if not self.complete:  # its last row is one
+            elements.append(_sum(own))
+        return np.stack(elements, axis=-1)
+
+    def _own(self, wheel: int, state: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 4
+        left = np.array(self.left[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        products = [_product(column, state[..., k : k + 1]) for k, column in enumerate(left)]
+        total = products[0]
+        for product in products[1:]:
+            total = total + product
+        return total
 
     def snapshot(self, index: int) -> dict[str, Any]:
-        """Everything that later results depend on, in JSON's types; the motion goes on from what is in it."""
-        state = self._take_up([index])[:, 0]
-        if index not in self._noted:
-            self._set(index, state)
-        return {"speed": float(self._speeds[index]), "state": self._noted[index].tolist()}
+        """Everything of a wheel that later results depend on, in JSON's types."""
+        self.take(index)
+        first, M = index * self.room, self.M
+        own = np.array(self.own[2 * index * M : 2 * (index + 1) * M]).reshape(2, self.N, self.K)
+        held = [float(self.held[3 * first + k]) for k in range(3)]
+        return {
+            "speed": float(self.speed[index]),
+            "own": own.tolist(),
+            "interval": [int(self.length[first]), *held] if self.waiting[index] else None,
+        }
 
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
-        self._waiting[index] = []
-        self._turn_at(index, float(snapshot["speed"]))
-        state = np.array(snapshot["state"], dtype=np.float64)
-        expected = (2, *self._own.shape[2:])
-        if state.shape != expected:
-            raise ValueError(f"the belt's state has shape {state.shape}; it must be {expected}")
-        self._set(index, state)
+        own = np.array(snapshot["own"], dtype=np.float64)
+        expected = (2, self.N, self.K)
+        if own.shape != expected:
+            raise ValueError(f"the belt's state has shape {own.shape}; it must be {expected}")
+        self.waiting[index] = 0
+        self._eigensystem(index, float(snapshot["speed"]))
+        self._put(index, own)
+        if snapshot["interval"] is not None:
+            length, speed, load, traction = snapshot["interval"]
+            self.hold(index, int(length), float(speed), float(load), float(traction))
 
-    def _set(self, index: int, state: FloatArray) -> None:
-        self._noted[index] = state
-        self._own[:, index] = self._spins.at(np.array([index])).own(state[:, None])[:, 0]
+
+def _zeros(count: int) -> memoryview:
+    return np.zeros(count).data
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Products of complex numbers by their parts, (2, ...)."""
+    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _sum(a: FloatArray) -> FloatArray:
+    """Sums over the last axis, in order."""
+    total = a[..., 0]
+    for k in range(1, a.shape[-1]):
+        total = total + a[..., k]
+    return total
+
+
+def _sum_of_products(a: FloatArray, b: FloatArray) -> FloatArray:
+    return _sum(_product(a, b))

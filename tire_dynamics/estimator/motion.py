@@ -1,288 +1,713 @@
-"""The motion of several wheels of one kind, stepped together."""
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The n = 1 motion of the rings with their wheels, stepped exactly.
+
+In the fixed frame, with the speed Omega, the load and the traction linear over a step of length h, tau = t/h,
+
+    dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance
+              - h M^-1 N^T kappa exp(2 i phi) conj(N q)
+
+(:mod:`~tire_dynamics.science.turning`; E makes the Euler terms of the complete model). Everything in it is an entire
+function of tau, so that the Taylor coefficients of z follow one from the other. The series is summed until what is
+left is below the rounding of a double; it has no truncation error at any step length. Long steps are cut into pieces
+over which the norm is small, and where nothing rotates with the tire a very long one is doubled up.
+
+Sums, products and quotients are taken in a fixed order, with no BLAS and no library function in between: the same
+inputs give the same bits on every IEEE machine, which is what lets a log that was written in a vehicle be replayed
+exactly on a desk.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from types import ModuleType
-from typing import Any, Final
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import kernels, turning, wheel
-from ..science.stepping import Room
+from ..science import turning, wheel
 from ..science.unit import TireWheelUnit
-from .belt import BeltMotion, BeltShape, Path
-from .schedule import Plan, Stretch
 
-__all__ = ["Motion", "fastest_kernels"]
+try:
+    import cython
+except ImportError:
+    from ..science import cython_stand_in as cython
+if cython.compiled:
+    from cython.cimports.libc.math import ceil, fmod
+    from cython.cimports.tire_dynamics.science.elementary import grow
+else:
+    from math import ceil, fmod
+
+    from ..science.elementary import grow
+
+__all__ = ["Motion"]
 
 FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
-_BEYOND_ALL_BOUNDS: Final = 1e6  # [m/s] and [m]
-
-
-def fastest_kernels() -> ModuleType:
-    """The compiled kernels where Numba is installed, else those on NumPy; the bits are the same."""
-    try:
-        from ..science import compiled
-    except ImportError:
-        return kernels
-    return compiled
+_LONGEST = cython.declare(cython.double, 3.0)  # norm times step of one series
+_MOST_TERMS = cython.declare(cython.Py_ssize_t, 40)  # 27 terms are enough for the longest piece
+_MOST_PIECES = cython.declare(cython.double, 1e5)  # of a step; a unit that needs more has nothing of a tire
+_DOUBLED = cython.declare(cython.double, 24.0)  # pieces from which on doubling is quicker
+_BEYOND_ALL_BOUNDS = cython.declare(cython.double, 1e6)  # [m/s] and [m]
+_FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
+_NAN = cython.declare(cython.double, math.nan)
+_TERMS = 40
 
 
+def _reaches() -> list[float]:
+    """By the number of terms, the largest norm times step for which they are enough; rounded down to ten bits."""
+    reaches = [0.0]
+    for k in range(1, _TERMS + 1):
+        low, high = 0.0, 64.0
+        while high - low > 2.0**-10:
+            middle = 0.5 * (low + high)
+            enough = math.prod(middle / j for j in range(1, k + 1)) <= 2.0**-57
+            low, high = (middle, high) if enough else (low, middle)
+        reaches.append(low)
+    return reaches
+
+
+_REACHES = _reaches()
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _next_term(
+    half: cython.Py_ssize_t,
+    matrix: cython.double[::1],
+    at: cython.Py_ssize_t,
+    terms: cython.double[::1],
+    row: cython.Py_ssize_t,
+    part: cython.double,
+    force: cython.double[::1],
+    first: cython.Py_ssize_t,
+) -> cython.void:
+    r: cython.Py_ssize_t
+    c: cython.Py_ssize_t
+    total: cython.double
+    for r in range(half):
+        total = 0.0
+        for c in range(2 * half):
+            total += matrix[at + r * 2 * half + c] * terms[row + c]
+        if first >= 0:
+            total += force[first + r]
+        terms[row + 2 * half + r] = total * part
+        terms[row + 3 * half + r] = terms[row + r] * part
+
+
+@cython.cclass
 class Motion:
-    """States of W wheels: the first mode of each ring with its wheel, and the other modes of its belt.
+    """States of W wheels of one kind: the first mode of each ring, and its wheel.
 
     Parameters
     ----------
     unit : TireWheelUnit
     model : {"inextensional", "complete"}
-    n_max : int
-        Highest wavenumber of the belt, >= 2.
     wheels : int
-    kernels : module, optional
-        :mod:`~tire_dynamics.science.kernels` or :mod:`~tire_dynamics.science.compiled`; default is the fastest there
-        is.
 
-    Attributes
-    ----------
-    state : ndarray, shape (W, n)
-        Fixed-frame states as :func:`~tire_dynamics.science.wheel.fixed_frame_matrix` has them.
-    turning_at : ndarray, shape (W,)
-        The speed [rad/s] that the states' velocities are for.
-    phase : ndarray, shape (W,)
-        The wheel's angle, modulo 2 pi [rad]: as it was told last, or turned since the start.
+    Notes
+    -----
+    States are those of :func:`~tire_dynamics.science.wheel.fixed_frame_matrix`; their velocities are for
+    ``spin_speed``, the speed at the end of the last step.
     """
 
-    def __init__(
-        self, unit: TireWheelUnit, model: wheel.Model, n_max: int, wheels: int, kernels: ModuleType | None = None
-    ) -> None:
-        self.model = model
-        self.kernels = kernels or fastest_kernels()
-        self.belt = BeltMotion(unit, n_max, model, wheels, self.kernels)
-        self._room = Room()
-        self.turning_at = np.zeros(wheels)
-        self.phase = np.zeros(wheels)
-        self.state = np.zeros((wheels, wheel.states(unit, model)))
+    def __init__(self, unit: TireWheelUnit, model: wheel.Model, wheels: int) -> None:
+        self.wheels, self.model = wheels, model
+        self.complete = model == "complete"
+        self.states = wheel.states(unit, model)
+        self.state = _zeros(wheels * self.states)
+        self.phase, self.spin_speed = _zeros(wheels), _zeros(wheels)
+        self.force_x = self.force_z = 0.0
         self.set_unit(unit)
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire from now on. Positions and velocities go on as they are; a wheel is let go at rest."""
-        self.unit = unit
-        self.state = wheel.reshaped(self.state, wheel.states(unit, self.model))
-        self._stepper = wheel.stepper(unit, self.model)
-        self._turning = turning.turning(unit, self.model)
-        self._series = self._series_at(self.turning_at).copy()
-        self._output_at: list[float] = []
-        self.belt.set_unit(unit)
-
-    def _series_at(self, speeds: FloatArray) -> FloatArray:
-        return self._stepper.series(speeds, self.kernels, self._room)
+        parts, frame = turning.turning(unit, self.model), wheel.fixed_frame(unit, self.model)
+        states = wheel.states(unit, self.model)
+        self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
+        self.unit, self.parts, self.states = unit, parts, states
+        n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
+        self.runouts = len(parts.runout)
+        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_held
+        self.harmonics, self.highest = max(self.runouts, 2), parts.highest
+        # of the accelerations alone: the displacements' rows only say that their rates are the velocities
+        self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
+        self.input, self.imbalance = _flat(parts.input[:half]), _flat(parts.imbalance[:half])
+        self.pull, self.net = _flat(parts.system[:half, n:]), _flat(parts.seen[:, half:])
+        self.spring, self.runout, self.sizes = _flat(parts.spring), _flat(parts.runout), _flat(parts.sizes)
+        self.wheel_x = _flat(parts.wheel_x)
+        self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
+        self.matrix, self.between = _zeros(self.wheels * half * n), _zeros(half * n)
+        self.matrix_at = np.full(self.wheels, math.nan).data
+        self.after, self.force = _zeros(n), _zeros(2 * half)
+        self.terms, self.pulls = _zeros((_TERMS + 2) * n), _zeros(2 * max(self.pairs, 1))
+        self.convolved, self.answers = (_zeros(2 * max(self.pairs, 1) * (_TERMS + 2)) for _ in range(2))
+        self.cosines, self.sines = (_zeros(self.harmonics * 3) for _ in range(2))
+        self.angles, self.none = (_zeros(self.harmonics) for _ in range(2))
+        self.affine, self.squared = (_zeros((n + 2) * n) for _ in range(2))
+        self.reach = np.array(_REACHES).data
 
     def reset(self, index: int) -> None:
         """Be at rest."""
-        self.state[index] = 0.0
-        self.phase[index] = 0.0
-        self._turn(index, 0.0)
-        self.belt.reset(index)
+        self.put(index, np.zeros(self.states), 0.0, 0.0)
 
-    @np.errstate(all="ignore")  # a unit that is no tire may have no finite one, and is given up
-    def start(self, index: int, speed: float, load: float, traction: float, angle: float = math.nan) -> None:
-        """Be in the steady state of a speed [rad/s], a load and a traction [N], at the wheel's angle [rad] or 0."""
-        angle = 0.0 if math.isnan(angle) else angle
-        self.state[index] = turning.steady_state(self.unit, speed, load, traction, angle, self.model)
-        self._turn(index, speed)
-        self.phase[index] = angle
-        self.belt.start(index, speed, load, traction)
+    def put(self, index: int, state: FloatArray, speed: float, angle: float) -> None:
+        """Be in a state, shape (n,), whose velocities are for a speed [rad/s], at the wheel's angle [rad]."""
+        n = self.states
+        if state.shape != (n,):
+            raise ValueError(f"the state has shape {state.shape}; it must be {(n,)}")
+        for k, value in enumerate(state.tolist()):
+            self.state[index * n + k] = value
+        self.spin_speed[index], self.phase[index] = speed, angle
 
-    def _turn(self, index: int, speed: float) -> None:
-        if speed != self.turning_at[index]:
-            self.turning_at[index] = speed
-            if self._turning is None:
-                self._series = self._series.copy()
-                self._series[index] = self._series_at(np.array([speed]))[0]
+    # -- steps ----------------------------------------------------------------------------------------------
 
-    def follow(self, plans: Sequence[Plan]) -> None:
-        """Take every wheel through its plan."""
-        every: list[tuple[int, float, float, float]] = []
-        every_angle: list[float] = []
-        stop = []
-        for index, (start, steps, angles) in enumerate(plans):
-            if start is not None:
-                self.start(index, *start)
-            if steps:
-                self.belt.hold(index, steps)
-                every += steps
-                every_angle += angles
-            stop.append(len(every))
-        if every:
-            ends = np.array([stop])
-            with np.errstate(over="ignore", invalid="ignore"):  # what overflows is given up at the end of it
-                steps_of_all = np.array(every, dtype=np.float64)
-                self._advance(steps_of_all, np.array(every_angle), np.array([0, *stop[:-1]]), ends)
-
-    @np.errstate(over="ignore", invalid="ignore")
-    def follow_stretches(
-        self, stretches: Mapping[int, Stretch], ticks: int, shown: Mapping[int, IntArray], shape: BeltShape
-    ) -> tuple[FloatArray, list[FloatArray]] | None:
-        """Take W of the wheels through many ticks at once.
+    def advance(
+        self,
+        index: int,
+        seconds: float,
+        speed: float,
+        load: float,
+        traction: float = 0.0,
+        speed_change: float = 0.0,
+        load_change: float = 0.0,
+        traction_change: float = 0.0,
+        angle: float = math.nan,
+    ) -> None:
+        """One step of one wheel.
 
         Parameters
         ----------
-        stretches : mapping of int to Stretch
-            By wheel, over the same ticks.
-        ticks : int
-            Their number T.
-        shown : mapping of int to ndarray of int, shape (M,)
-            By wheel, the ticks at which its belt is wanted.
-        shape : BeltShape
+        index : int
+        seconds : float
+            [s], >= 0.
+        speed, load, traction : float
+            At the beginning of the step [rad/s], [N].
+        speed_change, load_change, traction_change : float
+            Over the step, linear.
+        angle : float
+            The wheel's at the beginning [rad], if it is known; NaN if not.
+        """
+        self.step(index, seconds, speed, speed_change, load, traction, load_change, traction_change, angle)
+
+    def follow_lines(self, time: FloatArray, speed: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Wheel 0 from sample to sample, from the state that it is in at the first.
+
+        Parameters
+        ----------
+        time, speed : ndarray, shape (N,)
+            [s], ascending, and [rad/s].
+        force : ndarray, shape (N, 2)
+            Load and traction [N]; all is linear between samples.
 
         Returns
         -------
-        forces : ndarray, shape (T, W, 2)
-            Axle force [x, z], REP 103 axes [N].
-        belts : list of ndarray, shape (M, 2, P)
-            Each wheel's radial and tangential deflection relative to the wheel centre [m].
-
-        None if a wheel diverges on the way: then nothing has changed.
+        states : ndarray, shape (N, n)
+        forces : ndarray, shape (N, 2)
+            On the axle (x, z), REP 103 axes [N].
         """
-        wheels = list(stretches)
-        counts = np.zeros(len(self.state), np.int64)
-        counts[wheels] = [stretch.length.size for stretch in stretches.values()]
-        begin = np.cumsum(counts) - counts
-        stop = np.repeat(begin[None, :], ticks, axis=0)
-        for index, stretch in stretches.items():
-            stop[:, index] += stretch.done
-        steps, angles = np.empty((counts.sum(), 4)), np.empty(counts.sum())
-        for index, stretch in stretches.items():
-            mine = steps[begin[index] : begin[index] + counts[index]]
-            angles[begin[index] : begin[index] + counts[index]] = stretch.angle
-            mine[:, 0], mine[:, 1], mine[:, 2:] = stretch.length, stretch.speed, stretch.force
-        kept = self.state.copy(), self.turning_at.copy(), self.phase.copy(), self._series
-        every_state, phases = self._advance(steps, angles, begin, stop)
-        states = every_state[:, wheels]
-        if not (np.abs(states) < _BEYOND_ALL_BOUNDS).all():
-            self.state, self.turning_at, self.phase, self._series = kept
-            return None
-        if not wheels:
-            return np.empty((ticks, 0, 2)), []
-        speeds = np.stack([stretch.speed_at for stretch in stretches.values()], axis=1)
-        forces = wheel.axle_forces(wheel.output_matrices(self.unit, speeds, self.model), states)
-        self._add_pull(forces, states, phases[:, wheels])
-        paths = {
-            index: Path(stretch.length, stretch.speed, -stretch.force, stretch.done[shown[index]])
-            for index, stretch in stretches.items()
-        }
-        at_ends = np.concatenate([states[shown[index], position] for position, index in enumerate(wheels)])
-        belts = shape.sums(wheel.belt_amplitudes(at_ends, self.model), self.belt.follow(paths), self.kernels)
-        return forces, np.split(belts, np.cumsum([shown[index].size for index in wheels[:-1]]))
-
-    def _advance(
-        self, steps: FloatArray, angles: FloatArray, begin: IntArray, stop: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """States (T, W, n) and, of a tire that is not uniform, phases (T, W) at the ticks after steps, wheel by wheel.
-
-        Each step has length [ns], speed, load and traction, and an angle where it is told.
-        """
-        if self._turning is not None:
-            return self._advance_turning(self._turning, steps, angles, begin, stop)
-        which, series, jump = self._speeds(steps[:, 1], begin, stop[-1])
-        stepper = self._stepper
-        states: FloatArray = self.kernels.advance_first(
-            *(self.state, self.phase, series, stepper.longest_step, stepper.top_speed),
-            *(steps, which, jump, angles, begin, stop),
+        states, forces = np.empty((len(time), self.states)), np.empty((len(time), 2))
+        time, speed, force = (np.ascontiguousarray(each).reshape(-1) for each in (time, speed, force))
+        self._follow_lines(
+            len(time), time.data, speed.data, force.data, states.reshape(-1).data, forces.reshape(-1).data
         )
-        return states, np.broadcast_to(self.phase, states.shape[:2])
+        return states, forces
 
-    def _advance_turning(
-        self, parts: turning.Turning, steps: FloatArray, angles: FloatArray, begin: IntArray, stop: IntArray
-    ) -> tuple[FloatArray, FloatArray]:
-        speed, end = steps[:, 1], stop[-1]
-        moving = np.flatnonzero(end > begin)
-        before = np.empty_like(speed)
-        before[1:] = speed[:-1]
-        before[begin[moving]] = self.turning_at[moving]
-        jump = speed - before if self.model == "complete" else np.zeros_like(speed)
-        self.turning_at[moving] = speed[end[moving] - 1]
-        seconds = np.concatenate([steps[:, :1] * 1e-9, steps[:, 1:]], axis=1)
-        held = np.zeros((len(steps), 2))
-        states, phases = self.kernels.advance_turning(
-            self.state, self.phase, *parts[:9], seconds, held, jump, angles, begin, stop
+    def _follow_lines(
+        self,
+        count: cython.Py_ssize_t,
+        time: cython.const[cython.double][::1],
+        speed: cython.const[cython.double][::1],
+        force: cython.const[cython.double][::1],
+        states: cython.double[::1],
+        forces: cython.double[::1],
+    ) -> None:
+        i: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        with cython.nogil:
+            for i in range(count):
+                if i > 0:
+                    self.step(
+                        0, time[i] - time[i - 1], speed[i - 1], speed[i] - speed[i - 1], force[2 * i - 2],
+                        force[2 * i - 1], force[2 * i] - force[2 * i - 2], force[2 * i + 1] - force[2 * i - 1], _NAN,
+                    )  # fmt: skip
+                self.read(0, speed[i])
+                for k in range(self.states):
+                    states[i * self.states + k] = self.state[k]
+                forces[2 * i], forces[2 * i + 1] = self.force_x, self.force_z
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def set_matrix(
+        self, matrix: cython.double[::1], at: cython.Py_ssize_t, speed: cython.double
+    ) -> cython.void:
+        k: cython.Py_ssize_t
+        for k in range(self.half * self.states):
+            matrix[at + k] = self.system[k] + speed * self.spin[k]
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def spin_at(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.void:
+        """The matrix of one wheel at a speed."""
+        if speed != self.matrix_at[wheel]:
+            self.set_matrix(self.matrix, wheel * self.half * self.states, speed)
+            self.matrix_at[wheel] = speed
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def jump(self, wheel: cython.Py_ssize_t, change: cython.double) -> cython.void:
+        """The jump of the complete model's state with the speed: the Euler terms' integral, change E z."""
+        v: cython.Py_ssize_t = wheel * self.states
+        q: cython.Py_ssize_t = v + self.states // 2
+        radial: cython.double = change * (self.state[q] + self.state[q + 3])  # X + V
+        shear: cython.double = change * (self.state[q + 1] - self.state[q + 2])  # Y - U
+        self.state[v] -= shear
+        self.state[v + 1] += radial
+        self.state[v + 2] -= radial
+        self.state[v + 3] -= shear
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def step(
+        self,
+        wheel: cython.Py_ssize_t,
+        seconds: cython.double,
+        speed: cython.double,
+        speed_change: cython.double,
+        load: cython.double,
+        traction: cython.double,
+        load_change: cython.double,
+        traction_change: cython.double,
+        angle: cython.double,
+    ) -> cython.void:
+        """One step of one wheel, as :meth:`advance` has it."""
+        n: cython.Py_ssize_t = self.states
+        first: cython.Py_ssize_t = wheel * n
+        at: cython.Py_ssize_t = wheel * self.half * self.states
+        k: cython.Py_ssize_t
+        order: cython.Py_ssize_t
+        piece: cython.Py_ssize_t
+        count: cython.Py_ssize_t
+        share: cython.double
+        now: cython.double
+        start: cython.double
+        if angle == angle:
+            self.phase[wheel] = angle
+        if speed != self.spin_speed[wheel]:
+            if self.complete:
+                self.jump(wheel, speed - self.spin_speed[wheel])
+            self.spin_speed[wheel] = speed
+        norm: cython.double = (
+            self.sizes[0]
+            + (abs(speed) + abs(speed_change)) * (self.sizes[1] + (self.highest if self.rotating else 0.0))
+            + self.sizes[2]
         )
-        return states, phases
+        if speed_change != 0.0 and self.complete and seconds > 0.0:
+            norm = norm + abs(speed_change) / seconds * self.sizes[3]
+        pieces: cython.double = ceil(norm * seconds / _LONGEST) if norm * seconds < 1e18 else 1e18
+        pieces = pieces if pieces > 1.0 else 1.0
+        if pieces > _DOUBLED and not self.rotating and speed_change == 0.0 and pieces < 1e18:
+            self.spin_at(wheel, speed)
+            self.long_step(
+                wheel, seconds, load, traction, load_change, traction_change, norm
+            )
+        elif not pieces <= _MOST_PIECES:
+            for k in range(n):
+                self.state[first + k] = _NAN
+        else:
+            reach: cython.double = norm * seconds / pieces
+            order = self.order_of(reach)
+            count = cython.cast(cython.Py_ssize_t, pieces)
+            length: cython.double = seconds / pieces
+            slope: cython.double = speed_change / pieces
+            self.spin_at(wheel, speed)
+            for piece in range(count):
+                share = piece / pieces
+                now = speed + speed_change * share
+                for k in range(n):
+                    self.terms[k] = self.state[first + k]
+                if piece > 0 and slope != 0.0:
+                    self.set_matrix(self.between, 0, now)
+                if self.rotating:
+                    start = self.phase[wheel] + (speed + 0.5 * speed_change * share) * length * piece
+                    if piece > 0 and slope != 0.0:
+                        self.rotating_series(
+                            self.between, 0, order, length, now, slope, start, load + load_change * share,
+                            traction + traction_change * share, load_change / pieces, traction_change / pieces,
+                        )  # fmt: skip
+                    else:
+                        self.rotating_series(
+                            self.matrix, at, order, length, now, slope, start, load + load_change * share,
+                            traction + traction_change * share, load_change / pieces, traction_change / pieces,
+                        )  # fmt: skip
+                elif piece > 0 and slope != 0.0:
+                    self.series(
+                        self.between, 0, order, length, slope, load + load_change * share,
+                        traction + traction_change * share, load_change / pieces, traction_change / pieces,
+                    )  # fmt: skip
+                else:
+                    self.series(
+                        self.matrix, at, order, length, slope, load + load_change * share,
+                        traction + traction_change * share, load_change / pieces, traction_change / pieces,
+                    )  # fmt: skip
+                for k in range(n):
+                    self.state[first + k] = self.after[k]
+        self.phase[wheel] = fmod(self.phase[wheel] + (speed + 0.5 * speed_change) * seconds, _FULL_TURN)
+        if speed_change != 0.0:
+            self.spin_speed[wheel] = speed + speed_change
 
-    def _add_pull(self, forces: FloatArray, states: FloatArray, phases: FloatArray) -> None:
-        """Add to axle forces (..., 2) what a sidewall that is not uniform does on a wheel that is held fore and aft."""
-        parts = self._turning
-        if parts is not None and self.unit.is_held:
-            rows = np.ascontiguousarray(states).reshape(-1, states.shape[-1])
-            pull = self.kernels.axle_pull(rows, phases.reshape(-1), parts.seen, parts.spring, parts.wheel_x)
-            forces[..., 0] += pull.reshape(phases.shape)
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def order_of(self, reach: cython.double) -> cython.Py_ssize_t:
+        """The terms of a series whose term k is at most reach^k/k!, such that what is left out is negligible."""
+        k: cython.Py_ssize_t = 1
+        while reach > self.reach[k]:
+            k += 1
+        return k
 
-    def _speeds(self, speed: FloatArray, begin: IntArray, end: IntArray) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Which transitions each step needs, those transitions' series, and the changes of the speed."""
-        owner = np.repeat(np.arange(begin.size), end - begin)
-        jump = np.zeros_like(speed)
-        if (speed == self.turning_at[owner]).all():
-            return owner, self._series, jump
-        moving = np.flatnonzero(end > begin)
-        first, last = begin[moving], end[moving] - 1
-        before = np.empty_like(speed)
-        before[1:] = speed[:-1]
-        before[first] = self.turning_at[moving]
-        places = np.flatnonzero(speed != before)
-        which = np.full(speed.size, -1)
-        which[first] = moving
-        which[places] = len(self._series) + np.arange(places.size)
-        which = which[np.maximum.accumulate(np.where(which >= 0, np.arange(speed.size), 0))]
-        # once more for the first few: cheaper than to join
-        series = self._series_at(np.concatenate([self.turning_at, speed[places]]))
-        self._series = self._series.copy()
-        self._series[moving] = series[which[last]]
-        self.turning_at[moving] = speed[last]
-        if self.model == "complete":
-            jump = speed - before
-        return which, series, jump
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def next_term(
+        self,
+        matrix: cython.double[::1],
+        at: cython.Py_ssize_t,
+        k: cython.Py_ssize_t,
+        part: cython.double,
+        first: cython.Py_ssize_t,
+    ) -> cython.void:
+        """Term k + 1 of the series from the term k: part [A x + force], the force from a place on, and part v."""
+        if self.half == 3:  # the usual one: with a number, the compiler unrolls its loops
+            _next_term(3, matrix, at, self.terms, 6 * k, part, self.force, first)
+        else:
+            _next_term(self.half, matrix, at, self.terms, self.states * k, part, self.force, first)
 
-    def read(self, speeds: Sequence[float]) -> tuple[FloatArray, NDArray[np.bool_]]:
-        """What the wheels do at the speeds in force [rad/s].
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def add_slope(
+        self, k: cython.Py_ssize_t, part: cython.double, slope: cython.double, length: cython.double
+    ) -> cython.void:
+        """What a speed that changes by ``slope`` over a piece adds: part slope [S x_before + E x/length]."""
+        n: cython.Py_ssize_t = self.states
+        half: cython.Py_ssize_t = self.half
+        row: cython.Py_ssize_t = k * n
+        r: cython.Py_ssize_t
+        c: cython.Py_ssize_t
+        total: cython.double
+        if k > 0:
+            for r in range(half):
+                total = 0.0
+                for c in range(n):
+                    total += self.spin[r * n + c] * self.terms[row - n + c]
+                self.terms[row + n + r] += part * slope * total
+        if self.complete:
+            total = part * slope / length
+            c = row + half
+            self.terms[row + n] -= total * (self.terms[c + 1] - self.terms[c + 2])
+            self.terms[row + n + 1] += total * (self.terms[c] + self.terms[c + 3])
+            self.terms[row + n + 2] -= total * (self.terms[c] + self.terms[c + 3])
+            self.terms[row + n + 3] -= total * (self.terms[c + 1] - self.terms[c + 2])
 
-        Returns
-        -------
-        forces : ndarray, shape (W, 2)
-            On each axle (x, z), REP 103 axes [N].
-        bounded : ndarray of bool, shape (W,)
-            Whether its velocities and displacements are below 1e6 m/s and m.
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def sum_terms(self, order: cython.Py_ssize_t) -> cython.void:
+        """The sum of all terms into ``after``, the smallest first."""
+        n: cython.Py_ssize_t = self.states
+        k: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        for b in range(n):
+            self.after[b] = self.terms[order * n + b]
+        for k in range(order - 1, -1, -1):
+            for b in range(n):
+                self.after[b] += self.terms[k * n + b]
+        for b in range(n):
+            self.after[b] += 0.0  # no negative zeros
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def series(
+        self,
+        matrix: cython.double[::1],
+        at: cython.Py_ssize_t,
+        order: cython.Py_ssize_t,
+        length: cython.double,
+        slope: cython.double,
+        load: cython.double,
+        traction: cython.double,
+        load_change: cython.double,
+        traction_change: cython.double,
+    ) -> cython.void:
+        """One series from the term 0 into ``after``, where nothing rotates with the tire."""
+        half: cython.Py_ssize_t = self.half
+        k: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        for b in range(half):
+            self.force[b] = load * self.input[2 * b] + traction * self.input[2 * b + 1]
+            self.force[half + b] = load_change * self.input[2 * b] + traction_change * self.input[2 * b + 1]
+        for k in range(order):
+            self.next_term(matrix, at, k, length / (k + 1), k * half if k < 2 else -1)
+            if slope != 0.0:
+                self.add_slope(k, length / (k + 1), slope, length)
+        self.sum_terms(order)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def rotating_series(
+        self,
+        matrix: cython.double[::1],
+        at: cython.Py_ssize_t,
+        order: cython.Py_ssize_t,
+        length: cython.double,
+        speed: cython.double,
+        slope: cython.double,
+        phase: cython.double,
+        load: cython.double,
+        traction: cython.double,
+        load_change: cython.double,
+        traction_change: cython.double,
+    ) -> cython.void:
+        """The same where something does.
+
+        exp(i j phi) has the Taylor coefficients e_k = i j h/k (Omega e_(k-1) + slope e_(k-2)); the springs' is
+        multiplied with that of conj(R), R = N q.
         """
-        if speeds != self._output_at:
-            self._output_at = list(speeds)
-            self._output = wheel.output_matrices(self.unit, np.array(speeds), self.model)
-        forces, largest = self.kernels.read(self.state, self._output)
-        if self._turning is not None:
-            with np.errstate(over="ignore", invalid="ignore"):
-                self._add_pull(forces, self.state, self.phase)
-        return forces, largest < _BEYOND_ALL_BOUNDS  # false for NaN
+        n: cython.Py_ssize_t = self.states
+        half: cython.Py_ssize_t = self.half
+        J: cython.Py_ssize_t = self.harmonics
+        P: cython.Py_ssize_t = self.pairs
+        T: cython.Py_ssize_t = _MOST_TERMS + 2
+        k: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        q: cython.Py_ssize_t
+        scale: cython.double
+        c: cython.double
+        s: cython.double
+        total: cython.double
+        pressed: cython.double
+        pushed: cython.double
+        xx: cython.double
+        xy: cython.double
+        yx: cython.double
+        yy: cython.double
+        square: cython.double
+        for j in range(J):
+            self.angles[j] = (j + 1) * phase
+        grow(J, 0, self.none, self.angles, 1.0, self.cosines, self.sines)
+        for j in range(J):
+            self.cosines[J + j] = self.cosines[2 * J + j] = self.sines[J + j] = self.sines[2 * J + j] = 0.0
+        for k in range(order):
+            if k > 0:
+                for j in range(J):
+                    scale = (j + 1) * length / k
+                    c = -(scale * (speed * self.sines[j] + slope * self.sines[J + j]))
+                    s = scale * (speed * self.cosines[j] + slope * self.cosines[J + j])
+                    self.cosines[2 * J + j] = self.cosines[J + j]
+                    self.sines[2 * J + j] = self.sines[J + j]
+                    self.cosines[J + j] = self.cosines[j]
+                    self.sines[J + j] = self.sines[j]
+                    self.cosines[j] = c
+                    self.sines[j] = s
+            pressed = load if k == 0 else load_change if k == 1 else 0.0
+            pushed = traction if k == 0 else traction_change if k == 1 else 0.0
+            if load > 0.0:
+                for j in range(self.runouts):
+                    pressed = pressed + (
+                        self.runout[2 * j] * self.cosines[j] + self.runout[2 * j + 1] * self.sines[j]
+                    )
+            # Omega^2 exp(i phi)
+            square = speed * speed
+            c = square * self.cosines[0]
+            s = square * self.sines[0]
+            if slope != 0.0:
+                c = c + (2.0 * speed * slope * self.cosines[J] + slope * slope * self.cosines[2 * J])
+                s = s + (2.0 * speed * slope * self.sines[J] + slope * slope * self.sines[2 * J])
+            for p in range(P):
+                for q in range(2):
+                    total = 0.0
+                    for b in range(half):
+                        total += self.net[(2 * p + q) * half + b] * self.terms[k * n + half + b]
+                    self.answers[(2 * p + q) * T + k] = total
+                a = 2 * p * T
+                xx, xy = self.cosines[1], self.sines[1]
+                self.convolved[a + k] = self.spring[2 * p] * xx - self.spring[2 * p + 1] * xy
+                self.convolved[a + T + k] = self.spring[2 * p] * xy + self.spring[2 * p + 1] * xx
+                xx = xy = yx = yy = 0.0
+                for q in range(k + 1):
+                    xx += self.convolved[a + q] * self.answers[a + k - q]
+                    xy += self.convolved[a + T + q] * self.answers[a + T + k - q]
+                    yx += self.convolved[a + T + q] * self.answers[a + k - q]
+                    yy += self.convolved[a + q] * self.answers[a + T + k - q]
+                self.pulls[2 * p] = xx + xy
+                self.pulls[2 * p + 1] = yx - yy
+            for b in range(half):
+                total = pressed * self.input[2 * b] + pushed * self.input[2 * b + 1]
+                total += c * self.imbalance[2 * b] + s * self.imbalance[2 * b + 1]
+                for q in range(2 * P):
+                    total += self.pull[2 * P * b + q] * self.pulls[q]
+                self.force[b] = total
+            self.next_term(matrix, at, k, length / (k + 1), 0)
+            if slope != 0.0:
+                self.add_slope(k, length / (k + 1), slope, length)
+        self.sum_terms(order)
 
-    def deflections(self, indices: Sequence[int], shape: BeltShape) -> FloatArray:
-        """Radial and tangential deflection of some belts relative to the wheel centre [m], shape (len, 2, P)."""
-        first = wheel.belt_amplitudes(self.state[list(indices)], self.model)
-        return self.belt.deflections(indices, first, shape)
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def long_step(
+        self,
+        wheel: cython.Py_ssize_t,
+        seconds: cython.double,
+        load: cython.double,
+        traction: cython.double,
+        load_change: cython.double,
+        traction_change: cython.double,
+        norm: cython.double,
+    ) -> cython.void:
+        """A step over which nothing rotates and the speed stays: [Phi g_0 g_1] of a short one, doubled up.
+
+        z(h) = Phi z + g_0 + g_1, where g_0 comes of the forces at the beginning, g_1 of their change; over 2 h,
+        Phi Phi, Phi g_0 + g_0 and (Phi g_1 + g_0 + g_1)/2.
+        """
+        n: cython.Py_ssize_t = self.states
+        first: cython.Py_ssize_t = wheel * n
+        at: cython.Py_ssize_t = wheel * self.half * self.states
+        doublings: cython.Py_ssize_t = 0
+        order: cython.Py_ssize_t
+        a: cython.Py_ssize_t
+        b: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        total: cython.double
+        length: cython.double = seconds
+        while norm * length > _LONGEST:
+            length = 0.5 * length
+            doublings += 1
+        order = self.order_of(norm * length)
+        for a in range(n + 2):
+            for b in range(n):
+                self.terms[b] = 1.0 if a == b else 0.0
+            if a < n:
+                self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, 0.0, 0.0)
+            elif a == n:
+                self.series(self.matrix, at, order, length, 0.0, load, traction, 0.0, 0.0)
+            else:
+                self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, load_change, traction_change)
+            for b in range(n):
+                self.affine[a * n + b] = self.after[b]
+        for _ in range(doublings):
+            for a in range(n + 2):
+                for b in range(n):
+                    self.squared[a * n + b] = 0.0
+                for k in range(n):
+                    total = self.affine[a * n + k]
+                    for b in range(n):
+                        self.squared[a * n + b] += total * self.affine[k * n + b]
+            for b in range(n):
+                self.squared[n * n + b] += self.affine[n * n + b]
+                self.squared[(n + 1) * n + b] += self.affine[n * n + b] + self.affine[(n + 1) * n + b]
+                self.squared[(n + 1) * n + b] *= 0.5
+            for b in range((n + 2) * n):
+                self.affine[b] = self.squared[b]
+        for b in range(n):
+            self.after[b] = self.affine[n * n + b] + self.affine[(n + 1) * n + b]
+        for a in range(n):
+            total = self.state[first + a]
+            for b in range(n):
+                self.after[b] += total * self.affine[a * n + b]
+        for b in range(n):
+            self.state[first + b] = self.after[b] + 0.0
+
+    # -- what can be read -----------------------------------------------------------------------------------
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def read(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
+        """Force on one axle at the speed in force into ``force_x`` and ``force_z``; whether the state is bounded."""
+        n: cython.Py_ssize_t = self.states
+        first: cython.Py_ssize_t = wheel * n
+        k: cython.Py_ssize_t
+        p: cython.Py_ssize_t
+        x: cython.double = 0.0
+        z: cython.double = 0.0
+        value: cython.double
+        real: cython.double
+        imaginary: cython.double
+        X: cython.double
+        Y: cython.double
+        bounded: cython.bint = True
+        for k in range(n):
+            value = self.state[first + k]
+            if not abs(value) < _BEYOND_ALL_BOUNDS:  # NaN is not
+                bounded = False
+            x += (self.output[k] + speed * self.output_spin[k]) * value
+            z += (self.output[n + k] + speed * self.output_spin[n + k]) * value
+        if self.varying and self.held:
+            # what the springs beyond their mean add to the force on a held wheel; x_ros = -X
+            self.angles[0] = 2.0 * self.phase[wheel]
+            grow(1, 0, self.none, self.angles, 1.0, self.cosines, self.sines)
+            for p in range(self.pairs):
+                X = Y = 0.0
+                for k in range(self.half):
+                    X += self.net[2 * p * self.half + k] * self.state[first + self.half + k]
+                    Y += self.net[(2 * p + 1) * self.half + k] * self.state[first + self.half + k]
+                real = self.spring[2 * p] * self.cosines[0] - self.spring[2 * p + 1] * self.sines[0]
+                imaginary = self.spring[2 * p] * self.sines[0] + self.spring[2 * p + 1] * self.cosines[0]
+                x = x - self.wheel_x[2 * p] * (real * X + imaginary * Y)
+                x = x - self.wheel_x[2 * p + 1] * (imaginary * X - real * Y)
+        self.force_x, self.force_z = x, z
+        return bounded
+
+    def axle_force(self, index: int, speed: float) -> tuple[float, float]:
+        """Force on one axle (x, z) at the speed in force [rad/s], REP 103 axes [N]."""
+        self.read(index, speed)
+        return self.force_x, self.force_z
+
+    def state_of(self, index: int) -> FloatArray:
+        """The state of one wheel, shape (n,); a copy."""
+        n = self.states
+        return np.array(self.state[index * n : (index + 1) * n])
+
+    def phase_of(self, index: int) -> float:
+        """The wheel's angle, modulo 2 pi [rad]: as it was measured last, or turned since the start."""
+        return float(self.phase[index])
+
+    def spin_speed_of(self, index: int) -> float:
+        """The speed that a wheel's velocities are for [rad/s]."""
+        return float(self.spin_speed[index])
 
     def snapshot(self, index: int) -> dict[str, Any]:
-        """Everything that later results depend on, in JSON's types."""
+        """Everything of a wheel that later results depend on, in JSON's types."""
         return {
-            "state": self.state[index].tolist(),
-            "turning_at": float(self.turning_at[index]),
-            "phase": float(self.phase[index]),
-            "belt": self.belt.snapshot(index),
+            "state": self.state_of(index).tolist(),
+            "spin_speed": self.spin_speed_of(index),
+            "phase": self.phase_of(index),
         }
 
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
-        self.state[index] = snapshot["state"]
-        self._turn(index, float(snapshot["turning_at"]))
-        self.phase[index] = snapshot["phase"]
-        self.belt.restore(index, snapshot["belt"])
+        state = np.array(snapshot["state"], dtype=np.float64)
+        self.put(index, state, float(snapshot["spin_speed"]), float(snapshot["phase"]))
+
+
+def _zeros(count: int) -> memoryview:
+    return np.zeros(count).data
+
+
+def _flat(array: FloatArray) -> memoryview:
+    """A copy in rows; of nothing, one zero: an empty buffer has no first element to point to."""
+    flat = np.array(array, dtype=np.float64, order="C").reshape(-1)
+    return (flat if flat.size else np.zeros(1)).data

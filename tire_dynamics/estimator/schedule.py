@@ -1,416 +1,435 @@
-"""When what is in force: the samples of one wheel, and the steps through time that they make."""
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""When which input is in force: the samples of all wheels, and the steps through time that they make."""
 
 from __future__ import annotations
 
 import math
 import operator
-from bisect import bisect_left
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
-from typing import Any, Final, Literal, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-__all__ = ["Outcome", "Plan", "Samples", "Schedule", "Stretch"]
+try:
+    import cython
+except ImportError:
+    from ..science import cython_stand_in as cython
+if cython.compiled:
+    from cython.cimports.libc.math import fmod, isfinite
+else:
+    from math import fmod, isfinite
 
-Outcome = Literal["taken", "late", "repeated", "out of order", "not finite"]
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+__all__ = ["FOREVER", "OUTCOMES", "Schedule"]
 
-_FOR_EVER: Final = 2**62  # [ns]
-_NEVER: Final = 2**70
-_FULL_TURN: Final = 2.0 * math.pi
+OUTCOMES = (
+    "taken", "late", "repeated", "out of order", "not finite",
+    "no stamp", "in the future", "speed too high", "load too high", "off the ground", "joint twice",
+)  # fmt: skip
+"""What becomes of a sample; those from ``no stamp`` on are counted by :class:`.vehicle.Vehicle`."""
 
-
-class _Sample(NamedTuple):
-    stamp: int
-    values: tuple[float, ...]
-
-
-class _Input:
-    """The samples of one kind: the one in force, and those whose time is yet to come."""
-
-    def __init__(self) -> None:
-        self.in_force: _Sample | None = None
-        self.waiting: list[_Sample] = []  # ascending stamps, none twice
-
-    def add(self, sample: _Sample, time: int | None) -> Outcome:
-        if not all(map(math.isfinite, sample.values)):
-            return "not finite"
-        if time is None or sample.stamp > time:
-            if not self.waiting or sample.stamp > self.waiting[-1].stamp:
-                self.waiting.append(sample)
-                return "taken"
-            place = bisect_left(self.waiting, sample.stamp, key=_stamp)
-            if self.waiting[place].stamp == sample.stamp:
-                self.waiting[place] = sample
-                return "repeated"
-            self.waiting.insert(place, sample)
-            return "taken"
-        if self.in_force is not None and sample.stamp < self.in_force.stamp:
-            return "out of order"
-        outcome: Outcome = "late"
-        if self.in_force is not None and sample.stamp == self.in_force.stamp:
-            outcome = "repeated"
-        self.in_force = sample
-        return outcome
-
-    def snapshot(self) -> list[Any]:
-        return [self.in_force, list(self.waiting)]
-
-    def restore(self, snapshot: list[Any]) -> None:
-        in_force, waiting = snapshot
-        self.in_force = _sample(*in_force) if in_force else None
-        self.waiting = [_sample(*sample) for sample in waiting]
+_SPEED = cython.declare(cython.Py_ssize_t, 0)
+_LOAD = cython.declare(cython.Py_ssize_t, 1)
+_TAKEN = cython.declare(cython.int, 0)
+_LATE = cython.declare(cython.int, 1)
+_REPEATED = cython.declare(cython.int, 2)
+_OUT_OF_ORDER = cython.declare(cython.int, 3)
+_NOT_FINITE = cython.declare(cython.int, 4)
+_KINDS = cython.declare(cython.Py_ssize_t, 11)  # of outcomes
+_STEP = cython.declare(cython.int, 1)
+_START = cython.declare(cython.int, 2)
+_ASK = cython.declare(cython.int, 4)
+_DONE = cython.declare(cython.int, 8)
+_FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
+_NAN = cython.declare(cython.double, math.nan)
+_NEVER = cython.declare(cython.longlong, -(2**62))  # [ns]
+FOREVER = 2**61
+"""A timeout that never comes [ns]."""
 
 
-def _sample(stamp: int, values: Iterable[float]) -> _Sample:
-    # a negative zero becomes a positive one, lest equal inputs differ in their bits
-    return _Sample(operator.index(stamp), tuple(float(value) + 0.0 for value in values))
-
-
-def _known(values: Iterable[float]) -> tuple[float, ...]:
-    """Without those that are NaN."""
-    return tuple(value for value in values if value == value)
-
-
-def _stamp(sample: _Sample) -> int:
-    return sample.stamp
-
-
-class Plan(NamedTuple):
-    """What a wheel does until a moment: it may start anew, and then goes through steps, if it is in motion.
-
-    A step is its length [ns], and the speed [rad/s], the load and the traction [N] that are held over it. ``angles``
-    are the wheel's at the beginning of each step [rad] where a sample has just told it, else NaN.
-    ``start`` ends with one.
-    """
-
-    start: tuple[float, float, float, float] | None
-    steps: list[tuple[int, float, float, float]]
-    angles: list[float]
-
-
-class Samples(NamedTuple):
-    """Samples of one kind in the order of their receipt; ``after`` is the number of ticks that came before each."""
-
-    after: IntArray
-    stamp: IntArray
-    values: FloatArray  # (N, 2): load and traction, or speed and the wheel's angle, NaN where it is not known
-
-
-class Stretch(NamedTuple):
-    """Steps over several ticks: lengths [ns], speeds [rad/s], forces [N] (I, 2), and steps done by each tick (T,).
-
-    ``angle`` is as in :class:`Plan`; ``speed_at`` are in force at the ticks.
-    """
-
-    length: IntArray
-    speed: FloatArray
-    force: FloatArray
-    angle: FloatArray
-    done: IntArray
-    speed_at: FloatArray
-
-
+@cython.cclass
 class Schedule:
-    """The inputs of one wheel through time; :class:`~.wheel_estimator.WheelEstimator` says what happens to a sample.
+    """The inputs of W wheels through time.
 
     Parameters
     ----------
-    timeout : int or None
+    wheels : int
+    timeout : int
         Age [ns] beyond which an input is no longer believed.
-    unstable : callable
-        Whether the unit is unstable at a speed [rad/s].
+
+    Notes
+    -----
+    What happens to a sample, by its stamp s, the stamp k of the newest sample of its kind in force, and the
+    time t that has been reached:
+
+    ==================  ================  ===================================================================
+    case                outcome           effect
+    ==================  ================  ===================================================================
+    s > t               ``taken``         in force from s on, whatever order the samples came in
+    k < s <= t          ``late``          in force from t on, the moment it is known; the past is not redone
+    s = k, or s waits   ``repeated``      replaces that sample: from t on, or from s on if s > t
+    s < k               ``out of order``  none: something newer is in force
+    NaN or infinite     ``not finite``    none
+    ==================  ================  ===================================================================
+
+    Between samples the newest speed and load whose stamps are not after t are held: nothing is waited for and
+    nothing extrapolated. A wheel is set in motion, from equilibrium, at the first moment at which both are known and
+    neither is older than the timeout. When one of them becomes older it stops; it starts again by the same rule.
+
+    Times are int64 nanoseconds; speeds [rad/s] and angles [rad], loads and tractions [N].
     """
 
-    def __init__(self, timeout: int | None, unstable: Callable[[float], bool]) -> None:
-        self.timeout = timeout if timeout is not None else _FOR_EVER
-        self.counts: Counter[str] = Counter()
-        self.stops = 0  # for inputs that were too old
-        self.divergences = 0
-        self._unstable = unstable
-        self.reset()
+    # Of kind 0 (speed, angle) and 1 (load, traction): per wheel and kind, the sample in force and those that wait for
+    # their time, in ascending stamps; the second value of a speed is NaN where no angle came with it.
 
-    def reset(self) -> None:
+    def __init__(self, wheels: int, timeout: int) -> None:
+        self.wheels = wheels
+        self.timeout = timeout
+        self.time, self.has_time, self.running, self.diverged, self.stops, self.divergences, self.angle_used = (
+            _integers(wheels) for _ in range(7)
+        )
+        self.cursor = _integers(wheels)
+        self.counts = _integers(wheels * len(OUTCOMES))
+        self.measured_angle = np.full(wheels, math.nan).data
+        self.has, self.stamp, self.waiting = (_integers(2 * wheels) for _ in range(3))
+        self.values = np.zeros(4 * wheels).data
+        self.room = 16
+        self.waiting_stamp = _integers(2 * wheels * self.room)
+        self.waiting_values = np.zeros(4 * wheels * self.room).data
+        self.length = 0
+        self.speed = self.load = self.traction = 0.0
+        self.angle = math.nan
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def forget(self, wheel: cython.Py_ssize_t) -> cython.void:
         """Forget every sample and the time."""
-        self.time: int | None = None
-        self.running = False
-        self._diverged = False
-        self._speed = _Input()
-        self._load = _Input()
-        self._told: float | None = None  # the last angle
-        self._turned: _Sample | None = None  # the speed whose angle has been used
+        kind: cython.Py_ssize_t
+        self.has_time[wheel] = self.running[wheel] = self.diverged[wheel] = self.angle_used[wheel] = 0
+        self.measured_angle[wheel] = _NAN
+        for kind in range(2):
+            self.has[2 * wheel + kind] = self.waiting[2 * wheel + kind] = 0
 
-    def add_speed(self, stamp: int, speed: float, angle: float = math.nan) -> Outcome:
-        """Take a sample of the spin [rad/s] and, where it is known, of the wheel's angle [rad].
+    # -- samples --------------------------------------------------------------------------------------------
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def is_full(self, wheel: cython.Py_ssize_t, kind: cython.Py_ssize_t) -> cython.bint:
+        """Whether no further sample can wait before :meth:`grow`."""
+        return self.waiting[2 * wheel + kind] >= self.room
+
+    def grow(self) -> None:
+        """Make room for twice as many samples that wait."""
+        pairs, room = 2 * self.wheels, self.room
+        stamps = np.array(self.waiting_stamp).reshape(pairs, room)
+        values = np.array(self.waiting_values).reshape(pairs, room, 2)
+        self.waiting_stamp = np.concatenate([stamps, np.zeros_like(stamps)], axis=1).reshape(-1).data
+        self.waiting_values = np.concatenate([values, np.zeros_like(values)], axis=1).reshape(-1).data
+        self.room = 2 * room
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put(
+        self,
+        wheel: cython.Py_ssize_t,
+        kind: cython.Py_ssize_t,
+        stamp: cython.longlong,
+        first: cython.double,
+        second: cython.double,
+    ) -> cython.int:
+        """Take a sample, for which there is room; its outcome."""
+        at: cython.Py_ssize_t = 2 * wheel + kind
+        row: cython.Py_ssize_t = at * self.room
+        count: cython.Py_ssize_t = self.waiting[at]
+        place: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        outcome: cython.int
+        if not (isfinite(first) and (kind == _SPEED or isfinite(second))):
+            return _NOT_FINITE
+        first = first + 0.0  # a negative zero becomes a positive one, lest equal inputs differ in their bits
+        second = second + 0.0
+        if not self.has_time[wheel] or stamp > self.time[wheel]:
+            place = count
+            while place > 0 and self.waiting_stamp[row + place - 1] >= stamp:
+                place -= 1
+            outcome = _TAKEN
+            if place < count and self.waiting_stamp[row + place] == stamp:
+                outcome = _REPEATED
+            else:
+                k = count
+                while k > place:
+                    self.waiting_stamp[row + k] = self.waiting_stamp[row + k - 1]
+                    self.waiting_values[2 * (row + k)] = self.waiting_values[2 * (row + k - 1)]
+                    self.waiting_values[2 * (row + k) + 1] = self.waiting_values[2 * (row + k - 1) + 1]
+                    k -= 1
+                self.waiting[at] = count + 1
+            self.waiting_stamp[row + place] = stamp
+            self.waiting_values[2 * (row + place)] = first
+            self.waiting_values[2 * (row + place) + 1] = second
+            return outcome
+        if self.has[at] and stamp < self.stamp[at]:
+            return _OUT_OF_ORDER
+        outcome = _REPEATED if self.has[at] and stamp == self.stamp[at] else _LATE
+        self.has[at] = 1
+        self.stamp[at] = stamp
+        self.values[2 * at] = first
+        self.values[2 * at + 1] = second
+        if kind == _SPEED:
+            self.angle_used[wheel] = 0
+        return outcome
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_speed(
+        self, wheel: cython.Py_ssize_t, stamp: cython.longlong, speed: cython.double, angle: cython.double
+    ) -> cython.int:
+        """Take a sample of the spin and, where it is known, of the wheel's angle.
 
         An angle that is the last one again is none: who publishes no positions may publish zeros.
         """
-        is_known = math.isfinite(angle) and angle != self._told and math.isfinite(speed)
-        if is_known:
-            self._told = float(angle) + 0.0
-        values = (speed, angle) if is_known else (speed,)
-        outcome = self._speed.add(_sample(stamp, values), self.time)
-        self.counts[outcome] += 1
-        return outcome
+        if isfinite(angle) and angle != self.measured_angle[wheel] and isfinite(speed):
+            self.measured_angle[wheel] = angle + 0.0
+        else:
+            angle = _NAN
+        return self.put(wheel, _SPEED, stamp, speed, angle)
 
-    def add_load(self, stamp: int, load: float, traction: float) -> Outcome:
-        """Take a sample of the load and the traction [N]."""
-        outcome = self._load.add(_sample(stamp, (load, traction)), self.time)
-        self.counts[outcome] += 1
-        return outcome
+    def add_speed(self, wheel: int, stamp: int, speed: float, angle: float = math.nan) -> str:
+        """Take a sample of the spin [rad/s] and of the wheel's angle [rad], stamped in ns; its outcome."""
+        if self.is_full(wheel, _SPEED):
+            self.grow()
+        return self._counted(wheel, self.put_speed(wheel, operator.index(stamp), speed, angle))
 
-    def plan(self, stamp: int) -> Plan:
-        """Go on to a time [ns]; ``ValueError`` if it lies before the one reached already."""
-        start: tuple[float, float, float, float] | None = None
-        steps: list[tuple[int, float, float, float]] = []
-        angles: list[float] = []
-        speeds, loads = self._speed, self._load
-        time = stamp if self.time is None else self.time
-        if stamp < time:
-            raise ValueError(f"stamp is {stamp}; the estimator has already reached {time}")
-        if self.time is not None and not self.running and self._starts(time):  # with what came late
-            start = (self.speed, *self.load, self._angle(time, again=True))
-        while True:
-            moment = stamp
-            if speeds.waiting and speeds.waiting[0].stamp < moment:
-                moment = speeds.waiting[0].stamp
-            if loads.waiting and loads.waiting[0].stamp < moment:
-                moment = loads.waiting[0].stamp
-            if self.running:
-                speed, load = speeds.in_force, loads.in_force
-                assert speed is not None and load is not None
-                if moment > min(speed.stamp, load.stamp) + self.timeout:
-                    self.running = False
-                    self.stops += 1
-                elif moment > time:
-                    steps.append((moment - time, speed.values[0], load.values[0], load.values[1]))
-                    angles.append(self._angle(time))
-            time = moment
-            let_in = False
-            if speeds.waiting and speeds.waiting[0].stamp == moment:
-                speeds.in_force = speeds.waiting.pop(0)
-                let_in = True
-            if loads.waiting and loads.waiting[0].stamp == moment:
-                loads.in_force = loads.waiting.pop(0)
-                let_in = True
-            if not let_in:
-                self.time = moment
-                return Plan(start, steps, angles)
-            if not self.running and self._starts(moment):
-                start, steps, angles = (self.speed, *self.load, self._angle(moment, again=True)), [], []
+    def add_load(self, wheel: int, stamp: int, load: float, traction: float = 0.0) -> str:
+        """Take a sample of the load and the traction [N], stamped in ns; its outcome."""
+        if self.is_full(wheel, _LOAD):
+            self.grow()
+        return self._counted(wheel, self.put(wheel, _LOAD, operator.index(stamp), load, traction))
 
-    def _angle(self, moment: int, *, again: bool = False) -> float:
-        """The wheel's angle at a moment [rad] if the speed in force brought one; NaN from the second time on."""
-        sample = self._speed.in_force
-        if sample is None or sample is self._turned and not again:
-            return math.nan
-        self._turned = sample
-        if len(sample.values) == 1:
-            return math.nan
-        return math.fmod(sample.values[1] + sample.values[0] * ((moment - sample.stamp) * 1e-9), _FULL_TURN)
+    def _counted(self, wheel: int, outcome: int) -> str:
+        self.counts[wheel * _KINDS + outcome] += 1
+        return OUTCOMES[outcome]
 
-    def _starts(self, moment: int) -> bool:
-        if moment > self._expiry() or self._diverged and self._unstable(self.speed):
-            return False
-        self._diverged = False
-        self.running = True
-        return True
+    # -- time -----------------------------------------------------------------------------------------------
 
-    def _expiry(self) -> int:
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def let_in(self, wheel: cython.Py_ssize_t, kind: cython.Py_ssize_t) -> cython.void:
+        """Put the first sample that waits in force."""
+        at: cython.Py_ssize_t = 2 * wheel + kind
+        row: cython.Py_ssize_t = at * self.room
+        k: cython.Py_ssize_t
+        self.has[at] = 1
+        self.stamp[at] = self.waiting_stamp[row]
+        self.values[2 * at] = self.waiting_values[2 * row]
+        self.values[2 * at + 1] = self.waiting_values[2 * row + 1]
+        self.waiting[at] -= 1
+        for k in range(self.waiting[at]):
+            self.waiting_stamp[row + k] = self.waiting_stamp[row + k + 1]
+            self.waiting_values[2 * (row + k)] = self.waiting_values[2 * (row + k + 1)]
+            self.waiting_values[2 * (row + k) + 1] = self.waiting_values[2 * (row + k + 1) + 1]
+        if kind == _SPEED:
+            self.angle_used[wheel] = 0
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def expiry(self, wheel: cython.Py_ssize_t) -> cython.longlong:
         """The last moment at which both inputs are believed; before all times while one is missing."""
-        speed, load = self._speed.in_force, self._load.in_force
-        if speed is None or load is None:
-            return -_NEVER
-        return min(speed.stamp, load.stamp) + self.timeout
+        if not (self.has[2 * wheel] and self.has[2 * wheel + 1]):
+            return _NEVER
+        if self.stamp[2 * wheel] < self.stamp[2 * wheel + 1]:
+            return self.stamp[2 * wheel] + self.timeout
+        return self.stamp[2 * wheel + 1] + self.timeout
 
-    def give_up(self) -> None:
-        """Stop because the motion diverged."""
-        self.running, self._diverged = False, True
-        self.divergences += 1
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def may_start(self, wheel: cython.Py_ssize_t, moment: cython.longlong) -> cython.int:
+        """START, or ASK behind a divergence: only the caller knows whether the unit is stable at the speed in force."""
+        if self.expiry(wheel) == _NEVER or moment > self.expiry(wheel):
+            return 0
+        return _ASK if self.diverged[wheel] else _START
 
-    # -- many ticks at once ---------------------------------------------------------------------------------
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def start(self, wheel: cython.Py_ssize_t) -> cython.void:
+        """Set a wheel in motion at the time that :meth:`proceed` has come to: ``speed`` and the rest say from where."""
+        self.diverged[wheel] = 0
+        self.running[wheel] = 1
+        self.speed = self.values[4 * wheel]
+        self.load = self.values[4 * wheel + 2]
+        self.traction = self.values[4 * wheel + 3]
+        self.angle = self.angle_at(wheel, self.cursor[wheel], True)
 
-    def stretch(self, ticks: IntArray, speeds: Samples, loads: Samples) -> Stretch | None:
-        """What :meth:`add_speed`, :meth:`add_load` and :meth:`plan` would do, tick after tick.
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def angle_at(
+        self, wheel: cython.Py_ssize_t, moment: cython.longlong, again: cython.bint
+    ) -> cython.double:
+        """The wheel's angle at a moment [rad] if the speed in force brought one; NaN from the second time on."""
+        if not self.has[2 * wheel] or (self.angle_used[wheel] and not again):
+            return _NAN
+        self.angle_used[wheel] = 1
+        if self.values[4 * wheel + 1] != self.values[4 * wheel + 1]:
+            return _NAN
+        return fmod(
+            self.values[4 * wheel + 1] + self.values[4 * wheel] * ((moment - self.stamp[2 * wheel]) * 1e-9), _FULL_TURN
+        )
 
-        Parameters
-        ----------
-        ticks : ndarray of int, shape (T,)
-            Ascending times [ns].
-        speeds, loads : Samples
-            All finite.
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def begin(self, wheel: cython.Py_ssize_t, stamp: cython.longlong) -> cython.int:
+        """Prepare to go on to a time, which is none before that reached; what :meth:`proceed` returns."""
+        self.cursor[wheel] = self.time[wheel] if self.has_time[wheel] else stamp
+        if self.has_time[wheel] and not self.running[wheel]:
+            return self.may_start(wheel, self.cursor[wheel])  # with what came late
+        return 0
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def proceed(self, wheel: cython.Py_ssize_t, stamp: cython.longlong) -> cython.int:
+        """Go on to the next moment at which something happens, not beyond a time.
 
         Returns
         -------
-        Stretch or None
-            None if something would happen in it that is not a step: then nothing has changed, and the samples and
-            ticks have to be taken one by one.
+        int
+            Flags, in this order: STEP, the wheel is to be moved by ``length`` [ns] under ``speed``, ``load`` and
+            ``traction``, at whose beginning its angle is ``angle`` unless that is NaN; START (or ASK), it is to be
+            set in motion by :meth:`start`; DONE, the time has been reached.
         """
-        if not self.running or self.time is None or not ticks.size or ticks[0] < self.time:
-            return None
-        before = np.concatenate([[self.time], ticks])
-        told = np.concatenate([[math.nan if self._told is None else self._told], speeds.values[:, 1] + 0.0])
-        known = np.flatnonzero(np.isfinite(told))
-        again = known[1:][told[known[1:]] == told[known[:-1]]] - 1
-        new = speeds.values.copy()
-        new[again, 1] = math.nan
-        new_speeds = speeds._replace(values=new)
-        speed, load = _in_force(self._speed, new_speeds, before), _in_force(self._load, loads, before)
-        if speed is None or load is None:
-            return self._one_by_one(ticks, speeds, loads)
-        moments = np.unique(np.concatenate([before, speed.since[1:], load.since[1:]]))
-        moments = moments[: np.searchsorted(moments, ticks[-1], side="right")]
-        began, ended = moments[:-1], moments[1:]
-        at = [np.searchsorted(each.since, began, side="right") - 1 for each in (speed, load)]
-        stamp = speed.stamp[at[0]]
-        if (ended - np.minimum(stamp, load.stamp[at[1]]) > self.timeout).any():
-            return None
-        turned = 0 if self._turned is not None and self._turned is self._speed.in_force else -1
-        angle = np.fmod(speed.values[at[0], 1] + speed.values[at[0], 0] * ((began - stamp) * 1e-9), _FULL_TURN)
-        angle[at[0] == np.concatenate([[turned], at[0][:-1]])] = math.nan
-        result = Stretch(
-            ended - began,
-            speed.values[at[0], 0],
-            load.values[at[1]],
-            angle,
-            np.searchsorted(ended, ticks, side="right"),
-            speed.values[speed.at_tick, 0],
-        )
-        for kept, each, samples in ((self._speed, speed, speeds), (self._load, load, loads)):
-            self.counts["late"] += each.late
-            self.counts["taken"] += samples.stamp.size - each.late
-            rest = zip(each.stamp[each.last :].tolist(), each.values[each.last :].tolist(), strict=True)
-            kept.in_force, *kept.waiting = (_Sample(stamp, _known(values)) for stamp, values in rest)
-        self._told = float(told[known[-1]]) if known.size else None
-        self._turned = self._speed.in_force if speed.last == (at[0][-1] if at[0].size else turned) else None
-        self.counts += Counter()  # without those that are zero
-        self.time = int(ticks[-1])
-        return result
-
-    def idle(self, ticks: IntArray, speeds: Samples, loads: Samples) -> bool:
-        """The same for a wheel at rest that stays so for want of one input; whether it is one."""
-        for known, samples in ((self._speed, speeds), (self._load, loads)):
-            if not self.running and known.in_force is None and not known.waiting and not samples.stamp.size:
-                return self._one_by_one(ticks, speeds, loads) is not None
-        return False
-
-    def _one_by_one(self, ticks: IntArray, speeds: Samples, loads: Samples) -> Stretch | None:
-        """:meth:`stretch` for samples whose stamps do not ascend."""
-        kept, running = self.keep(), self.running
-        steps: list[tuple[int, float, float, float]] = []
-        angles: list[float] = []
-        done, speed_at = [], []
-        samples = [(after, 0, k) for k, after in enumerate(speeds.after.tolist())]
-        samples += [(after, 1, k) for k, after in enumerate(loads.after.tolist())]
-        samples.sort(reverse=True)
-        for tick, stamp in enumerate([*ticks.tolist(), None]):
-            while samples and samples[-1][0] <= tick:
-                _, kind, k = samples.pop()
-                if kind:
-                    self.add_load(int(loads.stamp[k]), *loads.values[k].tolist())
-                else:
-                    self.add_speed(int(speeds.stamp[k]), *speeds.values[k].tolist())
-            if stamp is None:
-                break
-            plan = self.plan(stamp)
-            if plan.start is not None or self.running != running:
-                self.put_back(kept)
-                return None
-            steps += plan.steps
-            angles += plan.angles
-            done.append(len(steps))
-            speed_at.append(self.speed)
-        columns = np.array(steps, dtype=np.float64).reshape(-1, 4)
-        length, ends = columns[:, 0].astype(np.int64), np.array(done, np.int64)
-        return Stretch(length, columns[:, 1], columns[:, 2:], np.array(angles), ends, np.array(speed_at))
+        at: cython.Py_ssize_t = 2 * wheel
+        moment: cython.longlong = stamp
+        flags: cython.int = 0
+        comes: cython.bint = False
+        if self.waiting[at] and self.waiting_stamp[at * self.room] < moment:
+            moment = self.waiting_stamp[at * self.room]
+        if self.waiting[at + 1] and self.waiting_stamp[(at + 1) * self.room] < moment:
+            moment = self.waiting_stamp[(at + 1) * self.room]
+        if self.running[wheel]:
+            if moment > self.expiry(wheel):
+                self.running[wheel] = 0
+                self.stops[wheel] += 1
+            elif moment > self.cursor[wheel]:
+                self.length = moment - self.cursor[wheel]
+                self.speed = self.values[2 * at]
+                self.load = self.values[2 * at + 2]
+                self.traction = self.values[2 * at + 3]
+                self.angle = self.angle_at(wheel, self.cursor[wheel], False)
+                flags = _STEP
+        self.cursor[wheel] = moment
+        if self.waiting[at] and self.waiting_stamp[at * self.room] == moment:
+            self.let_in(wheel, _SPEED)
+            comes = True
+        if self.waiting[at + 1] and self.waiting_stamp[(at + 1) * self.room] == moment:
+            self.let_in(wheel, _LOAD)
+            comes = True
+        if not comes:
+            self.time[wheel] = moment
+            self.has_time[wheel] = 1
+            return flags | _DONE
+        if not self.running[wheel]:
+            flags |= self.may_start(wheel, moment)
+        return flags
 
     # -- what can be read -----------------------------------------------------------------------------------
 
-    def ages(self) -> tuple[int | None, int | None]:
+    def is_running(self, wheel: int) -> bool:
+        """Whether a wheel is in motion."""
+        return bool(self.running[wheel])
+
+    def time_of(self, wheel: int) -> int | None:
+        """The time that a wheel has reached [ns]."""
+        return int(self.time[wheel]) if self.has_time[wheel] else None
+
+    def ages(self, wheel: int) -> tuple[int | None, int | None]:
         """Ages [ns] of the speed and of the load in force, None where there is none."""
-        speed, load = self._speed.in_force, self._load.in_force
-        if self.time is None:
-            return None, None
-        return (
-            self.time - speed.stamp if speed is not None else None,
-            self.time - load.stamp if load is not None else None,
-        )
+        ages: list[int | None] = []
+        for at in (2 * wheel, 2 * wheel + 1):
+            known = self.has[at] and self.has_time[wheel]
+            ages.append(int(self.time[wheel] - self.stamp[at]) if known else None)
+        return ages[0], ages[1]
 
-    @property
-    def speed(self) -> float:
-        """Spin in force [rad/s]."""
-        sample = self._speed.in_force
-        return sample.values[0] if sample is not None else 0.0
+    def speed_of(self, wheel: int) -> float:
+        """Spin in force [rad/s], 0 before there is one."""
+        return float(self.values[4 * wheel]) if self.has[2 * wheel] else 0.0
 
-    @property
-    def load(self) -> tuple[float, float]:
-        """Vertical load and traction in force [N]."""
-        sample = self._load.in_force
-        return (sample.values[0], sample.values[1]) if sample is not None else (0.0, 0.0)
+    def load_of(self, wheel: int) -> tuple[float, float]:
+        """Vertical load and traction in force [N], 0 before there are any."""
+        if not self.has[2 * wheel + 1]:
+            return 0.0, 0.0
+        return float(self.values[4 * wheel + 2]), float(self.values[4 * wheel + 3])
 
-    def keep(self) -> Any:
-        """Everything, for :meth:`put_back`."""
-        return self.snapshot(), self.counts.copy(), self.stops, self.divergences
+    def counts_of(self, wheel: int) -> Counter[str]:
+        """Samples of a wheel by outcome, those that occurred."""
+        row = [int(self.counts[wheel * _KINDS + k]) for k in range(_KINDS)]
+        return Counter({name: count for name, count in zip(OUTCOMES, row, strict=True) if count})
 
-    def put_back(self, kept: Any) -> None:
-        """Be as when it was kept."""
-        snapshot, self.counts, self.stops, self.divergences = kept
-        self.restore(snapshot)
+    def stops_of(self, wheel: int) -> int:
+        """How often a wheel stopped for inputs that were too old."""
+        return int(self.stops[wheel])
 
-    def snapshot(self) -> dict[str, Any]:
-        """Everything that later results depend on, in JSON's types."""
+    def divergences_of(self, wheel: int) -> int:
+        """How often a wheel's motion diverged."""
+        return int(self.divergences[wheel])
+
+    def snapshot(self, wheel: int) -> dict[str, Any]:
+        """Everything of a wheel that later results depend on, in JSON's types."""
+        angle = float(self.measured_angle[wheel])
         return {
-            "time": self.time,
-            "running": self.running,
-            "diverged": self._diverged,
-            "told": self._told,
-            "turned": self._turned is not None and self._turned is self._speed.in_force,
-            "speed": self._speed.snapshot(),
-            "load": self._load.snapshot(),
+            "time": self.time_of(wheel),
+            "running": bool(self.running[wheel]),
+            "diverged": bool(self.diverged[wheel]),
+            "measured_angle": None if math.isnan(angle) else angle,
+            "angle_used": bool(self.angle_used[wheel]),
+            **{name: self._samples(2 * wheel + kind) for kind, name in enumerate(("speed", "load"))},
         }
 
-    def restore(self, snapshot: Mapping[str, Any]) -> None:
+    def _samples(self, at: int) -> list[Any]:
+        """The sample in force or None, and those that wait, of [stamp, value, value or None]."""
+        def sample(stamp: int, first: float, second: float) -> list[Any]:
+            return [int(stamp), float(first), None if math.isnan(second) else float(second)]
+
+        known = sample(self.stamp[at], self.values[2 * at], self.values[2 * at + 1]) if self.has[at] else None
+        places = [at * self.room + k for k in range(self.waiting[at])]
+        stamps, values = self.waiting_stamp, self.waiting_values
+        return [known, [sample(stamps[k], values[2 * k], values[2 * k + 1]) for k in places]]
+
+    def restore(self, wheel: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
-        self.time = None if snapshot["time"] is None else operator.index(snapshot["time"])
-        self.running = snapshot["running"]
-        self._diverged = snapshot["diverged"]
-        self._speed.restore(snapshot["speed"])
-        self._load.restore(snapshot["load"])
-        self._told = snapshot.get("told")
-        self._turned = self._speed.in_force if snapshot.get("turned", True) else None
+        self.forget(wheel)
+        if snapshot["time"] is not None:
+            self.time[wheel], self.has_time[wheel] = operator.index(snapshot["time"]), 1
+        self.running[wheel] = bool(snapshot["running"])
+        self.diverged[wheel] = bool(snapshot["diverged"])
+        if snapshot["measured_angle"] is not None:
+            self.measured_angle[wheel] = float(snapshot["measured_angle"])
+        for kind, name in enumerate(("speed", "load")):
+            known, waiting = snapshot[name]
+            at = 2 * wheel + kind
+            while len(waiting) > self.room:
+                self.grow()
+            if known is not None:
+                self.has[at], self.stamp[at] = 1, operator.index(known[0])
+                self.values[2 * at], self.values[2 * at + 1] = _two(known)
+            self.waiting[at] = len(waiting)
+            for k, sample in enumerate(waiting, at * self.room):
+                self.waiting_stamp[k] = operator.index(sample[0])
+                self.waiting_values[2 * k], self.waiting_values[2 * k + 1] = _two(sample)
+        self.angle_used[wheel] = bool(snapshot["angle_used"])
 
 
-class _InForce(NamedTuple):
-    """Samples of one kind, the one in force before them first: since when each is in force (in order, not ascending
-    strictly), which is in force at each tick, which after the last, and how many came late."""
-
-    stamp: IntArray
-    values: FloatArray
-    since: IntArray
-    at_tick: IntArray
-    last: int
-    late: int
+def _integers(count: int) -> memoryview:
+    return np.zeros(count, dtype=np.int64).data
 
 
-def _in_force(known: _Input, samples: Samples, before: IntArray) -> _InForce | None:
-    """None unless every stamp is later than all before it: then samples are in force in the order of their receipt."""
-    if known.in_force is None:
-        return None
-    held = [known.in_force, *known.waiting]
-    stamp = np.concatenate([np.array([each.stamp for each in held], np.int64), samples.stamp])
-    if not (stamp[1:] > stamp[:-1]).all():
-        return None
-    values = np.concatenate([np.array([(*each.values, math.nan)[:2] for each in held]), samples.values + 0.0])
-    received = np.concatenate([np.zeros(len(held), np.int64), samples.after])
-    arrived = before[received]  # the time that had been reached
-    since = np.maximum(stamp, arrived)
-    late = since == arrived
-    late[: len(held)] = False
-    # What comes late is in force from the time that has been reached, and not yet in what was put out then.
-    ticks = before[1:]
-    number = np.searchsorted(2 * (since - before[0]) + late, 2 * (ticks - before[0]), side="right")
-    last = int(np.searchsorted(since, ticks[-1], side="right")) - 1
-    return _InForce(stamp, values, since, number - 1, last, int(late.sum()))
+def _two(sample: list[Any]) -> tuple[float, float]:
+    return float(sample[1]), math.nan if sample[2] is None else float(sample[2])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,14 +12,12 @@ from ..science import turning, wheel
 from ..science.modes import RingModes
 from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
-from .belt import BeltShape, belt_numbers
-from .motion import fastest_kernels
+from .belt import belt_numbers, shape_basis
+from .motion import Motion
 
 __all__ = ["Response", "simulate"]
 
 FloatArray = NDArray[np.float64]
-
-_BLOCK = 4096  # steps whose transitions are held at once: a few MB
 
 
 @dataclass(frozen=True)
@@ -94,10 +91,9 @@ def simulate(
 
     Notes
     -----
-    The step is exact for a load and a traction that are linear over it and a constant speed; a speed that
-    changes is held at its middle value, which errs with the square of the step. That holds for the n = 1 motion
-    with the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum
-    is the deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
+    The step is exact for a speed, a load and a traction that are linear over it. That holds for the n = 1 motion with
+    the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum is the
+    deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():
@@ -111,28 +107,22 @@ def simulate(
     if initial == "equilibrium":
         start = turning.steady_state(unit, float(omega[0]), float(force[0, 0]), float(force[0, 1]), angle, model)
     elif initial == "rest":
-        start = np.zeros(wheel.stepper(unit, model).states)
+        start = np.zeros(wheel.states(unit, model))
     else:
         raise ValueError(f"initial is {initial!r}; it must be 'equilibrium' or 'rest'")
     numbers = belt_numbers(n_max, model)
-    shape = BeltShape(psi, numbers) if psi is not None else None
+    basis = shape_basis(psi, numbers) if psi is not None else None
 
-    steps = Steps(t, omega)
-    parts = turning.turning(unit, model)
-    system = wheel.fixed_frame(unit, model)
-    if parts is None:
-        states = _integrate(unit, steps, force, start, model)
-    else:
-        states, angles = _integrate_turning(parts, steps, force, start, angle, model)
-    axle = states @ system.output.T + omega[:, None] * (states @ system.output_spin.T)
-    if parts is not None and unit.is_held:
-        axle[:, 0] += fastest_kernels().axle_pull(states, angles, parts.seen, parts.spring, parts.wheel_x)
+    motion = Motion(unit, model, 1)
+    motion.put(0, start, float(omega[0]), angle)
+    states, axle = motion.follow_lines(t, omega, force)
     u_z = u_theta = None
-    if shape is not None:
+    if basis is not None:
         modes = RingModes(unit, numbers, model)
-        amplitudes = modes.amplitudes(modes.integrate(steps, -force, steady=initial == "equilibrium"))
-        deflection = shape.deflection(wheel.belt_amplitudes(states, model), *amplitudes)
-        u_z, u_theta = deflection[:, 0], deflection[:, 1]
+        radial, tangential = modes.amplitudes(modes.integrate(Steps(t, omega), -force, steady=initial == "equilibrium"))
+        first = wheel.belt_amplitudes(states, model)
+        u_z = np.concatenate([first[:, :2], radial.real, radial.imag], axis=1) @ basis
+        u_theta = np.concatenate([first[:, 2:], tangential.real, tangential.imag], axis=1) @ basis
     return Response(
         time=t,
         axle_force=axle,
@@ -141,56 +131,6 @@ def simulate(
         u_z=u_z,
         u_theta=u_theta,
     )
-
-
-def _integrate(
-    unit: TireWheelUnit, steps: Steps, force: FloatArray, start: FloatArray, model: wheel.Model
-) -> FloatArray:
-    """Fixed-frame states at the samples, shape (N, n)."""
-    stepper = wheel.stepper(unit, model)
-    n = stepper.states
-    states = np.empty((steps.count + 1, n))
-    states[0] = state = start
-    speed = steps.first_speed
-    jumps = model == "complete"
-    for first in range(0, steps.count, _BLOCK):
-        block = slice(first, min(first + _BLOCK, steps.count))
-        following = slice(block.start + 1, block.stop + 1)
-        transition = stepper.transitions(_single(steps.lengths[block]), _single(steps.speeds[block]))
-        inputs = np.concatenate([force[block], force[following] - force[block]], axis=1)
-        pushes = np.matmul(inputs[:, None, :], transition[:, n:])[:, 0, :]
-        into = states[following]
-        if len(transition) == 1:
-            transition = np.broadcast_to(transition, (len(into), *transition.shape[1:]))
-        for phi, push, held, out in zip(transition[:, :n], pushes, steps.speeds[block], into, strict=True):
-            if jumps:
-                state = wheel.change_speed(state, held - speed, model)
-                speed = held
-            np.dot(state, phi, out=out)
-            out += push
-            state = out
-    return states
-
-
-def _integrate_turning(
-    parts: turning.Turning, steps: Steps, force: FloatArray, start: FloatArray, angle: float, model: wheel.Model
-) -> tuple[FloatArray, FloatArray]:
-    """The same of a tire that is not the same all around, and the wheel's angles (N,)."""
-    count = steps.count
-    state, phase = start[None].copy(), np.array([angle])
-    before = np.concatenate([[steps.first_speed], steps.speeds[:-1]])[:count]
-    jump = steps.speeds - before if model == "complete" else np.zeros(count)
-    inputs = np.column_stack([steps.lengths, steps.speeds, force[:-1]])
-    begin, stop = np.zeros(1, np.int64), np.arange(1, count + 1)[:, None]
-    states, phases = fastest_kernels().advance_turning(
-        state, phase, *parts[:9], inputs, np.diff(force, axis=0), jump, np.full(count, math.nan), begin, stop
-    )
-    return np.concatenate([start[None], states[:, 0]]), np.concatenate([[angle], phases[:, 0]])
-
-
-def _single(values: FloatArray) -> FloatArray:
-    """A row of equal values as one."""
-    return np.asarray(values[0]) if (values == values[0]).all() else values
 
 
 def _series(name: str, value: ArrayLike, size: int) -> FloatArray:

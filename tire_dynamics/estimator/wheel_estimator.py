@@ -8,15 +8,16 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..science import wheel
 from ..science.unit import TireWheelUnit
-from .belt import BeltShape
-from .motion import Motion
-from .schedule import Outcome, Schedule
+from .belt import shape_basis
+from .schedule import FOREVER
+from .settings import VehicleSettings
+from .wheels import Wheels
 
-__all__ = ["Outcome", "WheelEstimator"]
+__all__ = ["WheelEstimator"]
 
 FloatArray = NDArray[np.float64]
 
@@ -39,30 +40,11 @@ class WheelEstimator:
 
     Notes
     -----
-    What happens to a sample, by its stamp s, the stamp k of the newest sample of its kind in force, and the
-    time t that the estimator has been advanced to:
-
-    ==================  ================  ===================================================================
-    case                outcome           effect
-    ==================  ================  ===================================================================
-    s > t               ``taken``         in force from s on, whatever order the samples came in
-    k < s <= t          ``late``          in force from t on, the moment it is known; the past is not redone
-    s = k, or s waits   ``repeated``      replaces that sample: from t on, or from s on if s > t
-    s < k               ``out of order``  none: something newer is in force
-    NaN or infinite     ``not finite``    none
-    ==================  ================  ===================================================================
-
-    Between samples the newest speed and load whose stamps are not after t are held: nothing is waited for and
-    nothing extrapolated.
-
-    The motion starts at equilibrium, in the steady state of the speed and the load, at the first moment at
-    which both are known and neither is older than the timeout. When one of them becomes older than the timeout
-    the motion stops; it starts again from equilibrium by the same rule. A gap shorter than the timeout is
+    What happens to a sample is :class:`.schedule.Schedule`'s to say, and what to a motion that diverges
+    :class:`.wheels.Wheels`'s. The motion starts at equilibrium, in the steady state of the speed and the load, at the
+    first moment at which both are known and neither is older than the timeout. When one of them becomes older than the
+    timeout the motion stops; it starts again from equilibrium by the same rule. A gap shorter than the timeout is
     bridged with the held values, exactly and in one step.
-
-    A unit that is driven beyond its stability limit grows without bound. Once any velocity or displacement exceeds
-    1e6 m/s or m, the motion is given up, counted in ``divergences``, and starts again from equilibrium when the
-    unit is no longer unstable at the speed in force.
     """
 
     def __init__(
@@ -73,8 +55,12 @@ class WheelEstimator:
         timeout: int | None = None,
     ) -> None:
         self.model = model
-        self._schedule = Schedule(timeout, lambda speed: wheel.is_unstable(self.unit, speed, model))
-        self._motion = Motion(unit, model, n_max, 1)
+        settings = VehicleSettings(
+            unit, model=model, n_max=n_max, ring_samples=3, max_speed=math.inf, max_load=math.inf,
+            input_timeout=FOREVER if timeout is None else timeout,
+        )  # fmt: skip
+        self._wheels = Wheels(settings)
+        self._schedule, self._motion, self._belt = self._wheels.schedule, self._wheels.motion, self._wheels.belt
 
     @property
     def unit(self) -> TireWheelUnit:
@@ -84,49 +70,48 @@ class WheelEstimator:
     @property
     def counts(self) -> Counter[str]:
         """Samples by outcome."""
-        return self._schedule.counts
+        return self._schedule.counts_of(0)
 
     @property
     def stops(self) -> int:
         """How often the motion stopped for inputs that were too old."""
-        return self._schedule.stops
+        return self._schedule.stops_of(0)
 
     @property
     def divergences(self) -> int:
         """How often the motion was given up."""
-        return self._schedule.divergences
+        return self._schedule.divergences_of(0)
 
     @property
     def time(self) -> int | None:
         """The time reached [ns]."""
-        return self._schedule.time
+        return self._schedule.time_of(0)
 
     @property
     def running(self) -> bool:
         """Whether the wheel is in motion."""
-        return self._schedule.running
+        return self._schedule.is_running(0)
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire from now on. Positions and velocities go on as they are."""
-        self._motion.set_unit(unit)
+        self._wheels.set_unit(unit)
 
     def reset(self) -> None:
         """Forget every sample, the state and the time."""
-        self._schedule.reset()
-        self._motion.reset(0)
+        self._wheels.reset()
 
     # -- samples and time -----------------------------------------------------------------------------------
 
-    def add_speed(self, stamp: int, speed: float, angle: float = math.nan) -> Outcome:
+    def add_speed(self, stamp: int, speed: float, angle: float = math.nan) -> str:
         """Take a sample of the spin [rad/s], positive rolling forward, and of the wheel's angle [rad] if it is known.
 
         Only a tire that is not the same all around asks for the angle; from sample to sample it follows the spin.
         """
-        return self._schedule.add_speed(stamp, speed, angle)
+        return self._schedule.add_speed(0, stamp, speed, angle)
 
-    def add_load(self, stamp: int, load: float, traction: float = 0.0) -> Outcome:
+    def add_load(self, stamp: int, load: float, traction: float = 0.0) -> str:
         """Take a sample of the vertical load, up positive, and of the traction along x_ros, on the tire [N]."""
-        return self._schedule.add_load(stamp, load, traction)
+        return self._schedule.add_load(0, stamp, load, traction)
 
     def advance(self, stamp: int) -> bool:
         """Bring the state to the given time.
@@ -146,60 +131,61 @@ class WheelEstimator:
         ValueError
             The time lies before the one reached already; :meth:`reset` first if the clock was set back.
         """
-        self._motion.follow([self._schedule.plan(stamp)])
-        if self._schedule.running and not self._motion.read([self.speed])[1][0]:
-            self._schedule.give_up()
-        return self._schedule.running
+        reached = self.time
+        if reached is not None and stamp < reached:
+            raise ValueError(f"stamp is {stamp}; the estimator has already reached {reached}")
+        self._wheels.tick(stamp)
+        return self.running
 
     def snapshot(self) -> dict[str, Any]:
         """Everything that later results depend on, in JSON's types; :meth:`restore` continues from it bit for bit."""
-        return {**self._schedule.snapshot(), **self._motion.snapshot(0)}
+        return self._wheels.snapshot()
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over the samples, the state and the time of a :meth:`snapshot`."""
-        self._schedule.restore(snapshot)
-        self._motion.restore(0, snapshot)
+        self._wheels.restore(snapshot)
 
     # -- what can be read -----------------------------------------------------------------------------------
 
     def ages(self) -> tuple[int | None, int | None]:
         """Ages [ns] of the speed and of the load in force at the estimator's time, None where there is none."""
-        return self._schedule.ages()
+        return self._schedule.ages(0)
 
     @property
     def speed(self) -> float:
         """Spin in force [rad/s]."""
-        return self._schedule.speed
+        return self._schedule.speed_of(0)
 
     @property
     def load(self) -> tuple[float, float]:
         """Vertical load and traction in force [N]."""
-        return self._schedule.load
+        return self._schedule.load_of(0)
 
     @property
     def state(self) -> FloatArray:
         """Fixed-frame state in the paper's axes, as :func:`~tire_dynamics.science.wheel.fixed_frame_matrix` has it."""
-        state: FloatArray = self._motion.state[0].copy()
-        return state
+        return self._motion.state_of(0)
 
     @property
     def phase(self) -> float:
         """How far the wheel has turned, modulo 2 pi [rad]: as it was told last, or since the start."""
-        return float(self._motion.phase[0])
+        return self._motion.phase_of(0)
 
     @property
     def ring_state(self) -> FloatArray:
         """Ring-frame state of (5.1) [m/s, m]."""
-        speed = float(self._motion.turning_at[0])
-        return wheel.rotation(self.phase, speed, self.model, self._motion.unit.is_held) @ self.state
+        speed = self._motion.spin_speed_of(0)
+        return wheel.rotation(self.phase, speed, self.model, self.unit.is_held) @ self.state
 
     @property
     def axle_force(self) -> tuple[float, float]:
         """Force on the axle (x, z), REP 103 axes [N]."""
-        x, z = self._motion.read([self.speed])[0][0].tolist()
-        return x, z
+        return self._motion.axle_force(0, self.speed)
 
-    def belt(self, shape: BeltShape) -> FloatArray:
-        """Radial and tangential deflection of the belt relative to the wheel centre [m], shape (2, P)."""
-        belt: FloatArray = self._motion.deflections([0], shape)[0]
-        return belt
+    def belt(self, psi: ArrayLike) -> FloatArray:
+        """Radial and tangential deflection of the belt relative to the wheel centre [m], shape (2, P), at P angles."""
+        first = wheel.belt_amplitudes(self.state, self.model)
+        radial, tangential = self._belt.modes.amplitudes(self._belt.state_of(0))
+        rows = np.concatenate([first.reshape(2, 2), np.stack([radial.real, tangential.real]),
+                               np.stack([radial.imag, tangential.imag])], axis=1)
+        return rows @ shape_basis(psi, self._belt.modes.numbers)

@@ -10,8 +10,8 @@ Perturbation Theory*, 1990, ch. V):
 1. What is known is a matrix and a bound E on its error, in balanced coordinates, so that neither depends on
    the units of the states.
 2. A Schur form ordered to begin with a set of m multipliers begins with their own m x m block B, known to
-   e = ||P|| E, P being the spectral projector of the set (LAPACK's trsen returns 1/||P||). Their mean is
-   known to the same e, however far the members scatter.
+   e = ||P|| E, P being the spectral projector of the set, sqrt(1 + ||X||_F^2) with B X - X C = D for the form
+   [[B, D], [0, C]]. Their mean is known to the same e, however far the members scatter.
 3. All multipliers start as one set. A set is cut at its widest gap if the gap is more than 4 (e_1 + e_2) of
    its two parts. The m multipliers into which E splits one of multiplicity m, in a single Jordan chain, lie
    on a circle at gaps of at most m sin(pi/m) < pi times e_1 + e_2, so these are not cut; nor are multipliers
@@ -41,8 +41,6 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
-from scipy.linalg import lapack
 
 __all__ = [
     "VERDICTS",
@@ -174,21 +172,21 @@ def judge(monodromy: Matrix, log_norm: float, error: float, period: float, repea
     whole = repeats * log_norm
     if whole > LOG_MAX:
         raise ArithmeticError(f"the solution grows by exp({whole:.4g}) in a period; it overflows")
-    clusters = _clusters(monodromy, error)
     circle = math.exp(min(-log_norm, LOG_MAX))
-    values = np.linalg.eigvals(monodromy).astype(np.complex128)
+    found, all_errors = _eigenvalues(monodromy[None], np.array([error]))
+    values, errors = found[0], all_errors[0]
+    if np.isnan(errors[0]):
+        clusters = _clusters(monodromy, error)
+        verdict = _verdict([(abs(cluster.mean) - circle, cluster) for cluster in clusters])
+        radius = max(cluster.radius for cluster in clusters)
+    else:  # every multiplier a cluster of its own
+        verdict = VERDICTS[_codes(np.abs(found) - circle, all_errors)[0]]
+        radius = 3.0 * float(errors.max())
     # a multiplier of zero has no exponent; the smallest normal number stands in for it
     exponents = (np.log(values + TINY * (values == 0.0)) + log_norm) * repeats / period
-    radius = max(cluster.radius for cluster in clusters)
     largest = float(np.abs(values).max())
     spread = radius if repeats == 1 else (largest + radius) ** repeats - largest**repeats
-    return _result(
-        values**repeats * math.exp(whole),
-        exponents,
-        spread * math.exp(whole),
-        _verdict([(abs(cluster.mean) - circle, cluster) for cluster in clusters]),
-        period,
-    )
+    return _result(values**repeats * math.exp(whole), exponents, spread * math.exp(whole), verdict, period)
 
 
 def monodromy_verdicts(
@@ -399,14 +397,14 @@ def _verdict(clusters: list[tuple[float, _Cluster]]) -> Verdict:
 
 def _clusters(matrix: Matrix, error: float) -> list[_Cluster]:
     """Steps 2 to 4 of the module's notes, for a matrix whose 2-norm error is at most ``error``."""
-    form, vectors = linalg.schur(matrix, output="complex")
+    form = _schur_form(matrix)
     values = np.diag(form)
     n = len(values)
 
     def block(members: list[int]) -> tuple[ComplexArray, float]:
-        first = np.isin(np.arange(n), members)
-        ordered, _, _, _, inverse_norm, _, _ = lapack.ztrsen(first, form, vectors, job="E", lwork=n * n)
-        return ordered[: len(members), : len(members)], error / max(inverse_norm, EPSILON)
+        ordered, m = _ordered(form, members), len(members)
+        B = ordered[:m, :m]
+        return B, error * min(_projector_norm(B, ordered[:m, m:], ordered[m:, m:]), 1.0 / EPSILON)
 
     clusters = []
     undecided = [(list(range(n)), *block(list(range(n))))]
@@ -433,6 +431,54 @@ def _clusters(matrix: Matrix, error: float) -> list[_Cluster]:
         else:
             undecided += blocks
     return clusters
+
+
+def _schur_form(matrix: Matrix) -> ComplexArray:
+    """The upper triangular Q^H A Q of a square matrix A for some unitary Q.
+
+    One eigenvalue after the other is split off: a computed eigenvector has a small residual, however close to another
+    it is, and a unitary matrix that begins with it takes it out. SciPy has this from LAPACK in less time; but the live
+    node needs it too, at a slow turn of a tire that varies, and SciPy is 40 MB of its memory.
+    """
+    form = matrix.astype(np.complex128)
+    for k in range(len(form) - 1):
+        _, vectors = np.linalg.eig(form[k:, k:])
+        unitary, _ = np.linalg.qr(vectors[:, :1], mode="complete")
+        form[:, k:] = form[:, k:] @ unitary
+        form[k:] = unitary.conj().T @ form[k:]
+        form[k + 1 :, k] = 0.0
+    return form
+
+
+def _ordered(form: ComplexArray, members: list[int]) -> ComplexArray:
+    """A Schur form with the same eigenvalues in another order: these places of the diagonal first."""
+    form = form.copy()
+    for place, member in enumerate(sorted(members)):
+        for k in range(member - 1, place - 1, -1):  # exchange the places k and k + 1 (Golub & Van Loan, 7.6.2)
+            vector = np.array([form[k, k + 1], form[k + 1, k + 1] - form[k, k]])
+            size = float(np.linalg.norm(vector))
+            if size == 0.0:  # twice the same, uncoupled
+                continue
+            c, s = vector / size
+            turn = np.array([[c, -s.conjugate()], [s, c.conjugate()]])
+            form[:, k : k + 2] = form[:, k : k + 2] @ turn
+            form[k : k + 2] = turn.conj().T @ form[k : k + 2]
+            form[k + 1, k] = 0.0
+    return form
+
+
+def _projector_norm(B: ComplexArray, D: ComplexArray, C: ComplexArray) -> float:
+    """||P|| of the spectral projector [[I, X], [0, 0]] that goes with B of [[B, D], [0, C]], both triangular."""
+    X = np.zeros_like(D)
+    one = np.eye(len(B))
+    for k in range(len(C)):  # B X - X C = -D, column by column
+        shifted = B - C[k, k] * one
+        right = X[:, :k] @ C[:k, k] - D[:, k]
+        try:
+            X[:, k] = np.linalg.solve(shifted, right)
+        except np.linalg.LinAlgError:  # an eigenvalue is in both
+            return math.inf
+    return math.hypot(1.0, float(np.linalg.norm(X)))
 
 
 def _cut_at_widest_gap(members: list[int], values: ComplexArray) -> tuple[list[list[int]], float]:
@@ -550,8 +596,32 @@ def balance(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Factors s_j/s_i, powers of two, that bring rows and columns of matrices of these sizes (N, n, n) to one norm."""
     # An element below the rounding of the largest may be rounding itself: not to be magnified.
     sizes = np.where(sizes > EPSILON * sizes.max(axis=(1, 2), keepdims=True), sizes, 0.0)
-    scales = np.array([lapack.dgebal(size, scale=1)[3] for size in sizes])
+    scales = np.array([_scales(size.tolist()) for size in sizes])
     return np.asarray(scales[:, None, :] / scales[:, :, None])
+
+
+def _scales(sizes: list[list[float]]) -> list[float]:
+    """Units of the states, powers of two, as LAPACK's gebal has them: Parlett & Reinsch, *Numerische Mathematik* 13
+    (1969), with 2-norms and the diagonal (James, Langou & Lowery, arXiv:1401.5766).
+
+    What is coupled in one direction only is so brought down to its own rate, and no further.
+    """
+    n = len(sizes)
+    scales = [1.0] * n
+    changed = True
+    while changed:
+        changed = False
+        for i, row in enumerate(sizes):
+            into, out = math.hypot(*row), math.hypot(*(other[i] for other in sizes))
+            if into > 0.0 and out > 0.0:
+                factor = 2.0 ** round(0.5 * math.log2(into / out))
+                if out * factor + into / factor < 0.95 * (into + out):
+                    changed = True
+                    scales[i] *= factor
+                    for other in sizes:
+                        other[i] *= factor
+                    sizes[i] = [value / factor for value in sizes[i]]
+    return scales
 
 
 def _square(values: ArrayLike, name: str, size: int | None = None) -> Matrix:

@@ -19,19 +19,26 @@ from __future__ import annotations
 
 import cmath
 import math
-from types import ModuleType
-from typing import NamedTuple, get_args
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import kernels
-from .coefficients import Model, coefficients, constants, mode_damping, twist
-from .elementary import cos_sin
-from .stepping import Room, Steps
+from .coefficients import (
+    Model,
+    coefficients,
+    constants,
+    contact_patch_factor,
+    mode_damping,
+    speed_polynomials,
+    twist,
+)
+from .eigensystem import eigensystems
+from .mode_series import mode_steps
+from .stepping import Steps
 from .unit import TireWheelUnit
 
-__all__ = ["CONTACT_ANGLE", "RingModes", "Spins", "SpinningModes"]
+__all__ = ["CONTACT_ANGLE", "RingModes", "SpinningModes"]
 
 CONTACT_ANGLE = 1.5 * math.pi
 """psi_0, where the road is."""
@@ -39,40 +46,6 @@ CONTACT_ANGLE = 1.5 * math.pi
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IntArray = NDArray[np.int64]
-
-
-class Spins(NamedTuple):
-    """Modes at S constant speeds by their eigenvalues, x = right w, w' = mu w + b f, in real and imaginary parts.
-
-    The first axis of each array is (real, imaginary). For the inextensional model the numbers have the same bits on
-    every machine.
-
-    Attributes
-    ----------
-    exponents : ndarray, shape (2, S, N, k)
-        mu [1/s], in the fixed frame; k = 4 for the complete model, 2 otherwise.
-    steady : ndarray, shape (2, S, N, k, 2)
-        -b/mu: the w in which a constant force [f_r, f_t] of 1 N leaves each mode.
-    right, left : ndarray, shape (2, S, N, k, k)
-        Columns of right are the eigenvectors in the state x = (V, Z); left is its inverse.
-    """
-
-    exponents: FloatArray
-    steady: FloatArray
-    right: FloatArray
-    left: FloatArray
-
-    def at(self, which: IntArray) -> Spins:
-        """Some of the speeds."""
-        return Spins(*(np.take(each, which, axis=1) for each in self))
-
-    def state(self, own: FloatArray, which: IntArray | slice = slice(None)) -> FloatArray:
-        """The states x, shape (2, S, N, k), of coordinates w of that shape, at some of the speeds."""
-        return _multiply(self.right[:, which], own[..., None])[..., 0]
-
-    def own(self, state: FloatArray) -> FloatArray:
-        """The coordinates w of states x, both of shape (2, S, N, k)."""
-        return _multiply(self.left, state[..., None])[..., 0]
 
 
 class RingModes:
@@ -105,35 +78,24 @@ class RingModes:
             raise ValueError(f"numbers is {numbers!r}; model {model!r} needs integers >= {lowest}")
         self.damping = mode_damping(unit, self.numbers, "complete" if model == "complete" else "inextensional")
         modal_mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(self.numbers == 0, 2.0, 1.0)
-        patch = self.numbers * unit.contact_half_angle
-        spread = np.where(patch == 0.0, 1.0, cos_sin(patch)[1] / np.where(patch == 0.0, 1.0, patch))  # section 4
+        spread = contact_patch_factor(unit, self.numbers)
         if angle == CONTACT_ANGLE:  # exactly (-i)^n
             turned = np.array([1.0, -1.0j, -1.0, 1.0j])[np.mod(self.numbers, 4.0).astype(int)]
         else:
             turned = np.array([cmath.exp(1j * n * angle) for n in self.numbers])
         self._force = spread * turned / modal_mass
-        self.parts = constants(unit), self.numbers, self.damping, np.stack([self._force.real, self._force.imag])
-        """What the kernels take of the modes."""
+        (A, A_1), B, (C, C_1), D = speed_polynomials(constants(unit), self.numbers)
+        ones = np.ones_like(self.numbers)
+        columns = [self.numbers, self.damping, self._force.real, self._force.imag, A, A_1, C, C_1, *D]
+        self.table = np.stack([column * ones for column in (*columns, 0.0 if model == "hybrid" else 1.0, *B)], axis=1)
+        """What :mod:`.eigensystem` takes of the modes, shape (N, COLUMNS)."""
 
     def at(self, speed: float) -> SpinningModes:
         """The modes at a constant speed [rad/s]."""
         if self.model == "complete":
             return self._complete(speed)
-        A, _, C, determinant = coefficients(self.unit, self.numbers, speed)
-        n = self.numbers
-        through = A + n * C
-        g = n * determinant / through
-        D = self.damping + 2j * speed * self._gamma(A, C)
-        root = np.sqrt(0.25 * D * D - g)
-        slow = np.stack([root - 0.5 * D, -root - 0.5 * D], axis=1)  # seen from the ring
-        right: ComplexArray = np.stack([slow, np.ones_like(slow)], axis=1)
-        left: ComplexArray = np.stack([np.ones_like(slow), -slow[:, ::-1]], axis=2)
-        left[:, 1] *= -1.0
-        left /= (2.0 * root)[:, None, None]
-        drive = np.zeros((n.size, 2, 2), dtype=np.complex128)
-        drive[:, 0, 0] = n * C / through * self._force
-        drive[:, 0, 1] = 1j * n * A / through * self._force
-        return SpinningModes(slow + 1j * (n * speed)[:, None], right, left, drive)
+        exponents, steady, right, left = eigensystems(self.table, speed)
+        return SpinningModes(speed, exponents, right, left, -exponents[..., None] * steady)
 
     def _complete(self, speed: float) -> SpinningModes:
         A, B, C, _ = coefficients(self.unit, self.numbers, speed)
@@ -147,58 +109,15 @@ class RingModes:
         M[:, 2, 2] = M[:, 3, 3] = 1j * n * speed
         size = np.sqrt(np.maximum(B, C))  # velocities beside displacements
         scale = np.stack([size, size, np.ones_like(size), np.ones_like(size)], axis=1)
-        roots, right = np.linalg.eig(M * scale[:, None, :] / scale[:, :, None])
-        left = np.linalg.inv(right)
+        try:
+            roots, right = np.linalg.eig(M * scale[:, None, :] / scale[:, :, None])
+            left = np.linalg.inv(right)
+        except np.linalg.LinAlgError:  # no finite matrix, or none that can be inverted: a unit that is no tire
+            roots, right, left = (np.full(shape, math.nan + 0j) for shape in (M.shape[:2], M.shape, M.shape))
         drive = np.zeros((n.size, 4, 2), dtype=np.complex128)
         drive[:, 0, 0] = drive[:, 1, 1] = self._force
-        return SpinningModes(roots, right * scale[:, :, None], left / scale[:, None, :], drive)
-
-    def spins(self, speeds: FloatArray, kernels: ModuleType = kernels, room: Room | None = None) -> Spins:
-        """The modes at constant speeds [rad/s], shape (S,); in ``room`` they are good until the next are put there."""
-        if self.model == "complete":
-            each = [self.at(speed) for speed in speeds.tolist()]
-            fields = [[at.exponents, at.steady_shapes(), at.right, at.left] for at in each]
-            stacked = (np.stack(field) for field in zip(*fields, strict=True))
-            return Spins(*(np.stack([field.real, field.imag]) for field in stacked))
-        S, N = speeds.size, self.numbers.size
-        parts = np.split((room or Room()).of(2 * S * N * (2 + 3 * 4)), 2 * S * N * np.array([2, 6, 10]))
-        spins = Spins(*(part.reshape(2, S, N, *((2,) if k == 0 else (2, 2))) for k, part in enumerate(parts)))
-        kernels.whirls(*self.parts, speeds, *spins)
-        return spins
-
-    def changes(
-        self, spins: Spins, speeds: FloatArray, before: IntArray, after: IntArray, kernels: ModuleType = kernels
-    ) -> tuple[FloatArray, FloatArray]:
-        """What jumps of the speed do to the coordinates: w_after = matrix w_before + offset.
-
-        Parameters
-        ----------
-        spins : Spins
-            At the speeds, shape (S,) [rad/s].
-        before, after : ndarray of int, shape (C,)
-            Which of them each jump is from and to.
-
-        Returns
-        -------
-        matrix : ndarray, shape (2, C, N, k, k)
-        offset : ndarray, shape (2, C, N, k)
-
-        Notes
-        -----
-        The state x jumps by the integral of the Euler terms over the jump, as in :meth:`change_speed`.
-        """
-        if self.model != "complete":
-            matrix = kernels.whirl_changes(
-                constants(self.unit), self.numbers, spins.right, spins.left, before, after, speeds
-            )
-            return matrix, np.zeros(matrix.shape[:-1])
-        change = (speeds[after] - speeds[before])[:, None, None]
-        right, left = spins.right[:, before], spins.left[:, after]
-        jumped = right.copy()
-        jumped[..., 0, :] += change * right[..., 3, :]
-        jumped[..., 1, :] -= change * right[..., 2, :]
-        push = -change[..., 0] * (self.unit.radius * (self.numbers == 0.0))
-        return _multiply(left, jumped), left[..., 1] * push[..., None]
+        left = left / scale[:, None, :]
+        return SpinningModes(speed, roots, right * scale[:, :, None], left, left @ drive)
 
     def change_speed(self, state: ComplexArray, before: float, after: float) -> ComplexArray:
         """The state after a jump of the speed [rad/s]: the Euler terms' integral over it."""
@@ -232,19 +151,22 @@ class RingModes:
         steady : bool
             Start in the steady state of the first sample, otherwise at rest.
         """
-        speed = steps.first_speed
+        speed = float(steps.speeds[0])
         spinning = self.at(speed)
         state = spinning.steady(force[0, 0], force[0, 1])
         if not steady:
             state = np.zeros_like(state)
         states = np.empty((steps.count + 1, *state.shape), dtype=np.complex128)
         states[0] = state
-        for k in range(steps.count):
-            held = float(steps.speeds[k])
-            if held != speed:
-                state = self.change_speed(state, speed, held)
-                spinning, speed = self.at(held), held
-            state = spinning.step(state, steps.lengths[k], force[k], force[k + 1] - force[k])
+        for k, length in enumerate(steps.lengths.tolist()):
+            speed, change = float(steps.speeds[k]), float(steps.speeds[k + 1] - steps.speeds[k])
+            push = force[k + 1] - force[k]
+            if change != 0.0:
+                state = mode_steps(self.table, state, length, speed, change, force[k], push, self.unit.radius)
+            else:
+                if speed != spinning.speed:
+                    spinning = self.at(speed)
+                state = spinning.step(state, length, force[k], push)
             states[k + 1] = state
         return states
 
@@ -256,7 +178,7 @@ class RingModes:
 
 
 class SpinningModes:
-    """Modes at one constant speed, by their eigenvalues: x' = R diag(mu) L x + drive [f_r, f_t].
+    """Modes at one constant speed, by their eigenvalues: L x' = diag(mu) L x + drive [f_r, f_t].
 
     Attributes
     ----------
@@ -264,11 +186,16 @@ class SpinningModes:
         mu [1/s], in the fixed frame; k = 4 for the complete model, 2 otherwise.
     right, left : ndarray of complex, shape (N, k, k)
         Columns of R are the eigenvectors in the state (V, Z); L is its inverse.
+
+    ``drive`` is that in the modes' own coordinates, (N, k, 2).
     """
 
-    def __init__(self, exponents: ComplexArray, right: ComplexArray, left: ComplexArray, drive: ComplexArray) -> None:
+    def __init__(
+        self, speed: float, exponents: ComplexArray, right: ComplexArray, left: ComplexArray, drive: ComplexArray
+    ) -> None:
+        self.speed = speed
         self.exponents, self.right, self.left = exponents, right, left
-        self._drive = left @ drive  # in the modes' own coordinates, (N, k, 2)
+        self._drive = drive
         self._length = -1.0
         self._factors: tuple[ComplexArray, ComplexArray, ComplexArray]
 
@@ -310,18 +237,3 @@ def _series(x: ComplexArray, order: int) -> ComplexArray:
         total = (total + 1.0) * x / (j + order)
     result: ComplexArray = (total + 1.0) / math.factorial(order)
     return result
-
-
-# Complex numbers as (real, imaginary) along the first axis: NumPy's own products may or may not be fused.
-
-
-def _times(a: FloatArray, b: FloatArray) -> FloatArray:
-    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
-
-
-def _multiply(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Matrix products, sums in order; shapes (2, ..., i, j) and (2, ..., j, l)."""
-    total = _times(a[..., :, :1], b[..., :1, :])
-    for j in range(1, a.shape[-1]):
-        total += _times(a[..., :, j : j + 1], b[..., j : j + 1, :])
-    return total

@@ -1,30 +1,14 @@
-"""Exact steps of z' = (F_0 + Omega F_1 + Omega^2 F_2 + ...) z + B u, for u linear in time and Omega constant.
-
-A step of length h takes the state z, the input u at its start and the input's change du over the step to
-
-    z(h) = Phi z + G_0 u + G_1 du,       Phi = sum_j (h F)^j/j!,
-    G_0 = sum_j h^j F^(j-1) B/j!,        G_1 = sum_j h^j F^(j-1) B/(j+1)!,
-
-which are entire functions of h and of Omega. Their Taylor coefficients in both are tabulated once. A step
-evaluates that polynomial, which is cut where what is left out is below the rounding of a double; a longer step
-is doubled up from a shorter one. So there is no truncation error at any step length, and no matrix exponential
-is taken while the wheel turns.
-
-:class:`ExactStepper` and :class:`SpinningStepper` add, multiply and divide numbers in a fixed order, with no
-BLAS and no library function in between: the same inputs give the same bits on every IEEE machine, which is
-what lets a log that was written in a vehicle be replayed exactly on a desk.
-"""
+"""The steps between samples, exact transitions from tables, and linear equations solved in a fixed order."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExactStepper", "Room", "SpinningStepper", "Steps", "solve_in_order"]
+__all__ = ["ExactStepper", "Steps", "solve_in_order"]
 
 FloatArray = NDArray[np.float64]
 
@@ -60,8 +44,6 @@ class ExactStepper:
         drive = float((np.abs(inputs) / scale[:, None]).max()) * self.longest_step or 1.0
         forced = np.repeat(1.0 / (scale[:, None] * drive), 2 * self.inputs, axis=1)
         self.table = self._tabulate(terms, inputs, np.concatenate([balance, forced], axis=1))
-        held = self.table[:, :, : self.states + self.inputs]  # what inputs that are held need
-        self._held = np.ascontiguousarray(held).reshape(*held.shape[:2], -1)
 
     def _tabulate(self, terms: Sequence[FloatArray], inputs: FloatArray, weight: FloatArray) -> FloatArray:
         """Coefficients of (h/longest_step)^j (Omega/top_speed)^k of [Phi G_0 G_1], transposed: (J, K, n+2m, n)."""
@@ -104,19 +86,8 @@ class ExactStepper:
             limit *= self.top_speed / max(speed, self.top_speed)
         return limit
 
-    def series(self, speeds: FloatArray, kernels: ModuleType, room: Room) -> FloatArray:
-        """Taylor coefficients in the step's length of transposed [Phi G_0] at speeds [rad/s], (S, J, n + m, n)."""
-        J, _, R = self._held.shape
-        coefficients = room.of(speeds.size, J, R)
-        kernels.series(self._held, speeds / self.top_speed, coefficients)
-        return coefficients.reshape(speeds.size, J, -1, self.states)
-
-    def at(self, speed: float) -> SpinningStepper:
-        """The stepper at a constant speed [rad/s]."""
-        return SpinningStepper(self, speed)
-
     def transitions(self, steps: FloatArray, speeds: FloatArray) -> FloatArray:
-        """Transitions of many steps at once, equal to those of :class:`SpinningStepper` but for rounding.
+        """Transitions of many steps at once, transposed [Phi G_0 G_1].
 
         Parameters
         ----------
@@ -148,71 +119,13 @@ class ExactStepper:
         return result
 
 
-class Room:
-    """Memory for one array after the other, so that large ones are not asked for again and again."""
-
-    def __init__(self) -> None:
-        self._flat = np.empty(0)
-
-    def of(self, *shape: int) -> FloatArray:
-        """An array with anything in it, good until the next is asked for."""
-        size = math.prod(shape)
-        if size > self._flat.size:
-            self._flat = np.empty(size + size // 4)
-        return self._flat[:size].reshape(shape)
-
-
-class SpinningStepper:
-    """An :class:`ExactStepper` at one constant speed."""
-
-    def __init__(self, stepper: ExactStepper, speed: float) -> None:
-        self._states, self._inputs = stepper.states, stepper.inputs
-        self._limit = stepper.limit(abs(speed))
-        self._unit_step = stepper.longest_step
-        J, K, rows, n = stepper.table.shape
-        powers = _powers(speed / stepper.top_speed, K)
-        self._series = np.add.reduce((stepper.table.reshape(J, K, rows * n) * powers[:, None]).swapaxes(0, 1), axis=0)
-        self._shape = (rows, n)
-        self._length = -1.0
-        self._transition = np.empty(0)
-
-    def transition(self, length: float) -> FloatArray:
-        """[Phi G_0 G_1] transposed, shape (n + 2 m, n), for a step of the given length [s]; the last is kept."""
-        if length != self._length:
-            doublings = _doublings(length, self._limit)
-            powers = _powers(length / (self._unit_step * 2.0**doublings), self._series.shape[0])
-            result = np.add.reduce(self._series * powers[:, None], axis=0).reshape(self._shape)
-            for _ in range(doublings):
-                n = self._states
-                result = _double(result, _product(result, result[:n]), n, self._inputs)
-            self._transition, self._length = result, length
-        return self._transition
-
-    def step(self, length: float, state_and_input: FloatArray) -> FloatArray:
-        """The state after a step.
-
-        Parameters
-        ----------
-        length : float
-            Length of the step [s], >= 0.
-        state_and_input : ndarray, shape (n + 2 m,)
-            State at the start, inputs at the start, change of the inputs over the step.
-
-        Returns
-        -------
-        ndarray, shape (n,)
-        """
-        state: FloatArray = np.add.reduce(self.transition(length) * state_and_input[:, None], axis=0)
-        return state
-
-
 class Steps:
-    """The steps between samples: their lengths [s], and the speed [rad/s] that is held over each.
+    """The steps between samples: their lengths [s], and the speeds [rad/s] at the samples.
 
     Parameters
     ----------
     time, speed : ndarray, shape (N,)
-        Ascending times, and the speed at them, linear in between; the middle value is held.
+        Ascending times, and the speed at them, linear in between.
     """
 
     def __init__(self, time: FloatArray, speed: FloatArray) -> None:
@@ -223,8 +136,7 @@ class Steps:
             # a regular grid is one whose times are regular but for their own rounding
             if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(time).max()):
                 self.lengths = np.full(self.count, mean)
-        self.speeds = 0.5 * (speed[:-1] + speed[1:])
-        self.first_speed = float(speed[0])
+        self.speeds = speed
 
 
 def _doublings(length: float, limit: float) -> int:
@@ -240,15 +152,6 @@ def _double(transition: FloatArray, squared: FloatArray, n: int, m: int) -> Floa
     squared[..., change, :] += transition[..., change, :]
     squared[..., change, :] *= 0.5
     return squared
-
-
-def _powers(base: float, count: int) -> FloatArray:
-    powers = np.empty(count)
-    value = 1.0
-    for j in range(count):
-        powers[j] = value
-        value *= base
-    return powers
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wheel
-from .coefficients import constants, formula
+from .coefficients import static_compliance
 from .elementary import cos_sin
 from .nonuniform import Nonuniformity, sidewall
 from .stepping import solve_in_order
@@ -53,12 +53,14 @@ class Turning(NamedTuple):
         What cos phi and sin phi bring, over Omega^2.
     runout : ndarray, shape (J, 2)
         What cos j phi and sin j phi bring to the load [N].
-    sizes : ndarray, shape (3,)
-        Norms of C, S and kappa's part, displacements times the highest frequency beside velocities [1/s].
+    sizes : ndarray, shape (4,)
+        Norms of C, S, kappa's part and E, displacements times the highest frequency beside velocities [1/s].
     highest : int
         Of the harmonics of the spin that are summed.
     wheel_x : ndarray, shape (2 p,)
         The force on the wheel along the paper's X is this times g.
+    is_rotating : bool
+        Whether there are springs, imbalance or run-out that rotate; of a uniform unit p and J are zero.
     """
 
     system: FloatArray
@@ -71,11 +73,12 @@ class Turning(NamedTuple):
     sizes: FloatArray
     highest: int
     wheel_x: FloatArray
+    is_rotating: bool
 
 
 @lru_cache(maxsize=256)
-def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turning | None:
-    """What turns with a unit, or None if nothing does that n = 1 or the load could feel.
+def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turning:
+    """The system as stepping needs it, with what turns with a unit that n = 1 or the load could feel.
 
     Parameters
     ----------
@@ -84,23 +87,21 @@ def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turnin
 
     Returns
     -------
-    Turning or None
+    Turning
         Its arrays are shared, and cannot be written to.
     """
-    if unit.is_uniform:
-        return None
     mean = wheel.fixed_frame(unit, model)
     n, half = len(mean.constant), len(mean.constant) // 2
     net, masses, along_x, strengths = sidewall(unit, Nonuniformity.of(unit), model)
-    spring = np.array([[each.real, each.imag] for each in strengths])
+    spring = np.array([[each.real, each.imag] for each in strengths]).reshape(-1, 2)
+    if not spring.any():
+        net, along_x, spring = np.empty((0, half)), np.empty(0), np.empty((0, 2))
     imbalance = np.zeros((2, n))
     size = unit.imbalance_mass * unit.radius
     cosine, sine = (float(value) for value in cos_sin(unit.imbalance_angle))
     for row, column in ((0, (cosine, -sine)), (1, (sine, cosine))):  # on X and on Y, cos(theta + phi) and sin
         imbalance[:, row] = size * np.array(column) / masses[row]
     runout = _runout(unit)
-    if not (spring.any() or imbalance.any() or runout.any()):
-        return None
     wide = n + len(net)
     seen = np.zeros((len(net), n))
     seen[:, half:] = net
@@ -109,19 +110,22 @@ def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turnin
     system[:half, n:] = -net.T / masses[:, None]
     system[n:, :half] = net
     rotating[:n] = imbalance.T
-    scale = np.repeat([1.0, math.sqrt(float(np.abs(mean.constant[:half, half:]).max()))], half)
+    stiffest = math.sqrt(float(np.abs(mean.constant[:half, half:]).max()))
+    scale = np.repeat([1.0, stiffest], half)
     balance = scale[:, None] / scale
     pull = np.abs(system[:half, n:]) @ np.repeat(np.abs(spring).sum(axis=1), 2)
     sizes = [
         _rounded_up(float((np.abs(mean.constant) * balance).sum(axis=1).max())),
         _rounded_up(float((np.abs(mean.spin) * balance).sum(axis=1).max())),
-        _rounded_up(float(pull.max() * np.abs(net).sum(axis=1).max() / scale[-1])),
+        _rounded_up(float(pull.max(initial=0.0) * np.abs(net).sum(axis=1).max(initial=0.0) / scale[-1])),
+        _rounded_up(2.0 / stiffest),
     ]
-    highest = max(_FOURTH * bool(spring.any()), len(runout), int(imbalance.any()))
+    highest = max(_FOURTH * bool(spring.size), len(runout), int(imbalance.any()))
+    is_rotating = bool(spring.size or imbalance.any() or runout.any())
     arrays = [system, spin, forces, seen, spring, rotating, runout, norms := np.array(sizes), along_x]
     for array in arrays:
         array.setflags(write=False)
-    return Turning(system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x)
+    return Turning(system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x, is_rotating)
 
 
 def _rounded_up(size: float) -> float:
@@ -158,21 +162,11 @@ def contact_stiffness(unit: TireWheelUnit) -> float:
     -------
     float
         At rest, the wheel held: 1/k_c = 1/k_1 + sum_n C_n/(pi a b rho h (B_n C_n - A_n^2)), n = 2 to 100, (4.5), each
-        but for the load's and the patch's spread over the contact, sin(n phi_c)/(n phi_c) squared.
+        times the square of :func:`.coefficients.contact_patch_factor`.
     """
     if unit.contact_stiffness:
         return unit.contact_stiffness
-    mass = math.pi * unit.radius * unit.width * unit.surface_density
-    total = _spread(unit, 1) ** 2 / unit.sidewall_stiffness
-    for n in range(2, _MODES + 1):
-        _, _, C, determinant = formula(constants(unit), float(n), 0.0)
-        total += _spread(unit, n) ** 2 * C / (mass * determinant)
-    return float(1.0 / total)
-
-
-def _spread(unit: TireWheelUnit, n: int) -> float:
-    half = n * unit.contact_half_angle
-    return float(cos_sin(half)[1]) / half if half else 1.0
+    return 1.0 / static_compliance(unit, _MODES)
 
 
 def steady_state(
@@ -204,7 +198,7 @@ def steady_state(
     """
     mean = wheel.equilibrium(unit, speed, load, traction, model)
     parts = turning(unit, model)
-    if parts is None:
+    if not parts.is_rotating:
         return mean
     n = mean.size
     forcing = np.zeros((max(parts.highest, 2), 2, n))  # of cos j phi and of sin j phi

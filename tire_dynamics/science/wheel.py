@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import linalg
 
 from . import floquet
-from .coefficients import coefficients, mode_damping
-from .elementary import cos_sin
+from .coefficients import coefficients, mode_damping, residual_stiffness
 from .floquet import FloquetResult
-from .stepping import ExactStepper, solve_in_order
+from .roots import root_between
+from .stepping import solve_in_order
 from .unit import MODAL, TireWheelUnit
 
 if TYPE_CHECKING:
@@ -48,6 +47,7 @@ __all__ = [
     "frequency_response",
     "is_unstable",
     "output_matrices",
+    "residual_stiffness",
     "reshaped",
     "ring_centre",
     "rotation",
@@ -56,7 +56,6 @@ __all__ = [
     "stacked_frames",
     "state_matrix",
     "states",
-    "stepper",
     "transmissibility",
     "transmissibility_map",
     "wheel_displacement",
@@ -65,6 +64,7 @@ __all__ = [
 
 Model = Literal["complete", "inextensional"]
 FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
 
 
 class FixedFrame(NamedTuple):
@@ -102,18 +102,15 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
     circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
     """
-    system = _builder(model)(unit, _spread(unit))
+    system = _builder(model)(unit)
     for matrix in system:
         matrix.setflags(write=False)  # they are shared
     return system
 
 
 def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = "inextensional") -> FixedFrame:
-    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front.
-
-    The columns of ``input`` are those of a point load.
-    """
-    return _builder(model)(units, 1.0, shape)
+    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front."""
+    return _builder(model)(units, shape)
 
 
 def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
@@ -129,7 +126,7 @@ def _builder(model: str) -> Callable[..., FixedFrame]:
     raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
 
 
-def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _inextensional(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     k_1 = unit.sidewall_stiffness
     kappa = k_1 / m
@@ -152,8 +149,8 @@ def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = 
         _set(spin, 2, {3: -c_1 / M})
         _set(output, 0, {0: -c_1})
         _set(output_spin, 0, {4: -c_1, 5: c_1})
-    _set(force, 0, {1: -spread / m})
-    _set(force, 1, {0: spread / m})
+    _set(force, 0, {1: -1.0 / m})  # a contact patch changes nothing here: s_1 = 1
+    _set(force, 1, {0: 1.0 / m})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _inextensional_fore_and_aft(unit, system, kappa, d)
 
@@ -192,7 +189,7 @@ def _with_place_for_x(held: FixedFrame) -> FixedFrame:
     return system
 
 
-def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _complete(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     A, B, C, _ = coefficients(unit, 1)  # at rest: what the fixed frame keeps
     area = math.pi * unit.radius * unit.width
@@ -225,8 +222,8 @@ def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -
         _set(spin, 4, {5: -c_1 / M, 8: c_1 / M})
         _set(output, 0, {0: -c_1, 3: c_1})
         _set(output_spin, 0, {6: -c_1, 7: -c_1, 9: 2.0 * c_1})
-    _set(force, 1, {0: spread / half_mass})
-    _set(force, 3, {1: spread / half_mass})
+    _set(force, 1, {0: 1.0 / half_mass})
+    _set(force, 3, {1: 1.0 / half_mass})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _complete_fore_and_aft(unit, system, d)
 
@@ -268,19 +265,6 @@ def _set(matrix: FloatArray, row: int, values: Sequence[Any] | Mapping[int, Any]
         matrix[..., row, column] = value
 
 
-def _spread(unit: TireWheelUnit) -> float:
-    """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
-    half = unit.contact_half_angle
-    return float(cos_sin(half)[1]) / half if half else 1.0
-
-
-@lru_cache(maxsize=256)
-def stepper(unit: TireWheelUnit, model: Model = "inextensional") -> ExactStepper:
-    """The exact stepper of the fixed-frame system, inputs [load, traction]."""
-    system = fixed_frame(unit, model)
-    half = len(system.constant) // 2
-    scale = np.repeat([1.0, 1.0 / _stiffest(system.constant)], half)
-    return ExactStepper([system.constant, system.spin], system.input, scale)
 
 
 def equilibrium(
@@ -563,7 +547,14 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
     return T
 
 
-def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloquetResult:
+def stability(
+    unit: TireWheelUnit,
+    speed: float,
+    model: Model = "inextensional",
+    *,
+    contact: bool = False,
+    n_max: int = 30,
+) -> FloquetResult:
     """Floquet stability at a constant speed, of a uniform unit in closed form.
 
     Parameters
@@ -572,6 +563,10 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
     speed : float
         Spin Omega [rad/s], either sign. At standstill there is no period; the verdict comes from the exponents.
     model : {"inextensional", "complete"}
+    contact : bool
+        On the road, without lift-off (:func:`.contact.stability`), and not under a load that is given.
+    n_max : int
+        Highest belt harmonic on the road; under a given load only n = 1 reaches the wheel.
 
     Returns
     -------
@@ -579,8 +574,12 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
         multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega). Of a unit
         whose sidewall is not uniform what :func:`.nonuniform.stability` says.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.stability(unit, speed, model, n_max)
     if not unit.is_uniform:
-        from . import nonuniform  # which builds on this module
+        from . import nonuniform  # and this one
 
         return nonuniform.stability(unit, nonuniform.Nonuniformity.of(unit), speed, model)
     F = fixed_frame_matrix(unit, speed, model)
@@ -607,7 +606,9 @@ def _is_unstable(unit: TireWheelUnit, speed: float, model: Model) -> bool:
 
 
 @lru_cache(maxsize=256)
-def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
+def critical_speed(
+    unit: TireWheelUnit, model: Model = "inextensional", *, contact: bool = False, n_max: int = 30
+) -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
 
     Of a unit that is not uniform it is its mean's: :func:`.nonuniform.tongue_tips` has what comes beside.
@@ -616,14 +617,21 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     ----------
     unit : TireWheelUnit
     model : {"inextensional", "complete"}
+    contact, n_max
+        As of :func:`stability`; on the road it is :func:`.contact.critical_speed`.
 
     Notes
     -----
-    F(Omega) = F_0 + Omega F_1 can only change its stability where two of its eigenvalues add up to zero, and
-    then the Kronecker sum F (x) I + I (x) F is singular: all such speeds are the real eigenvalues of one
-    matrix pencil, so none is missed. Between two of them the verdict cannot change; it is read in the middle
-    of each interval, and the crossing is then refined on the spectral abscissa.
+    F(Omega) = F_0 + Omega F_1 can only change its stability where one of its eigenvalues is zero, or two add up to
+    zero. Then F is singular, or the matrix whose eigenvalues are all such sums, which acts on antisymmetric matrices X
+    as F X + X F^T. Both are linear in the speed, so all these speeds are the real eigenvalues of two matrix pencils,
+    and none is missed. Between two of them the verdict cannot change; it is read in the middle of each interval, and
+    the crossing is then refined on the spectral abscissa.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.critical_speed(unit, model, n_max)
     return next((speed for speed, lost in crossings(unit, model) if lost), None)
 
 
@@ -638,10 +646,9 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
         return
     scale = _balance(F_0)
     F_0, F_1 = F_0 * scale, F_1 * scale
-    with np.errstate(divide="ignore", invalid="ignore"):
-        roots = np.asarray(linalg.eigvals(_kronecker_sum(F_0), -_kronecker_sum(F_1)), dtype=np.complex128)
+    roots = np.concatenate([_singular_at(F_0, F_1), _singular_at(_sums_of_two(F_0), _sums_of_two(F_1))])
     size = float(np.abs(F_0).max())
-    roots = roots[np.abs(roots) < 1e8 * size]  # the pencil's infinite eigenvalues, which rounding makes finite
+    roots = roots[np.abs(roots) < 1e8 * size]  # the pencils' infinite eigenvalues, which rounding makes finite
     nearly_real = np.abs(roots.imag) <= 1e-6 * np.abs(roots)  # rounding may split a double root
     candidates = np.unique(roots[nearly_real & (roots.real > 0.0)].real)
 
@@ -656,35 +663,41 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
         (before, after), (low, high) = middles[k : k + 2], heights[k : k + 2]
         if (low > noise) != (high > noise):
             opposite = low < 0.0 < high or high < 0.0 < low
-            speed = _root(abscissa, before, after, low, high) if opposite else candidate
+            speed = root_between(abscissa, before, after, low, high, 1e-6) if opposite else candidate
             yield float(speed), high > noise
 
 
-def _root(f: Callable[[float], float], a: float, b: float, f_a: float, f_b: float) -> float:
-    """Where f changes its sign between a and b, to 1e-6; by the Illinois method, which keeps the root enclosed."""
-    while abs(b - a) > 1e-6:
-        c = b - f_b * (b - a) / (f_b - f_a)
-        if not min(a, b) < c < max(a, b):
-            c = 0.5 * (a + b)
-        f_c = f(c)
-        if f_c == 0.0:
-            return c
-        if (f_c < 0.0) != (f_b < 0.0):
-            a, f_a = b, f_b
-        else:
-            f_a *= 0.5
-        if abs(c - b) < 1e-7:  # the root is this close, on one side or the other
-            return c
-        b, f_b = c, f_c
-    return b
+def _sums_of_two(F: FloatArray) -> FloatArray:
+    """X -> F X + X F^T for X = -X^T, a matrix (n (n - 1)/2) whose eigenvalues are the sums of two different ones of F.
 
-
-def _kronecker_sum(F: FloatArray) -> FloatArray:
-    """F (x) I + I (x) F, whose eigenvalues are the sums of any two of F."""
+    Twice the bialternate product with I (Fuller, *J. Math. Anal. Appl.* 23, 1968): a quarter of F (x) I + I (x) F.
+    """
     n = len(F)
     one = np.eye(n)
-    both = F[:, None, :, None] * one[:, None] + one[:, None, :, None] * F[:, None]
-    return np.asarray(both.reshape(n * n, n * n))
+    p, q = np.tril_indices(n, -1)
+    both = F[:, None, :, None] * one[:, None] + one[:, None, :, None] * F[:, None]  # of X[i, k] from X[j, l]
+    rows = both[p, q]
+    return np.asarray(rows[:, p, q] - rows[:, q, p])
+
+
+def _singular_at(constant: FloatArray, slope: FloatArray) -> ComplexArray:
+    """The s at which constant + s slope has a lower rank than at others; and others, where it has a low one at all.
+
+    With s = s_0 + 1/mu, mu are the eigenvalues of -(constant + s_0 slope)^-1 slope. Of a unit without damping the sum
+    of an eigenvalue and its conjugate is zero at every speed; what is left of full rank is then seen through two
+    arbitrary matrices, which adds speeds of no meaning and loses none (Hochstenbach, Mehl & Plestenjak, *SIAM J. Matrix
+    Anal. Appl.* 40, 2019).
+    """
+    shift = -0.37 * float(np.abs(constant).max())
+    at_shift = constant + shift * slope
+    sizes = np.linalg.svd(at_shift, compute_uv=False)
+    rank = int(np.count_nonzero(sizes > 1e-11 * sizes[0]))
+    if rank < len(constant):
+        left, right = np.random.default_rng(1992).standard_normal((2, rank, len(constant)))
+        at_shift, slope = left @ at_shift @ right.T, left @ slope @ right.T
+    inverse = np.linalg.eigvals(np.linalg.solve(at_shift, -slope))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(shift + 1.0 / inverse[inverse != 0.0], dtype=np.complex128)
 
 
 def _balance(F: FloatArray) -> FloatArray:

@@ -78,8 +78,8 @@ class ChunkWriter:
         self._compress = _COMPRESS[compression]()
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self._chunk_indexes: list[records.ChunkIndex] = []
-        self._metadata_indexes: list[records.MetadataIndex] = []
+        # What the summary says of each chunk and metadata record, as the bytes that it will be: they are many.
+        self._chunk_indexes, self._metadata_indexes = bytearray(), bytearray()
         self._statistics = records.Statistics(
             attachment_count=0,
             channel_count=0,
@@ -102,8 +102,10 @@ class ChunkWriter:
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
         """Write a metadata record, before the chunk in the making."""
         record = _bytes_of(records.Metadata(name, dict(data)))
-        self._metadata_indexes.append(records.MetadataIndex(self._stream.tell(), len(record), name))
+        index = _bytes_of(records.MetadataIndex(self._stream.tell(), len(record), name))
         self._stream.write(record)
+        self._metadata_indexes += index
+        self._statistics.metadata_count += 1
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Declare a schema; its id, from 1."""
@@ -161,6 +163,19 @@ class ChunkWriter:
             self._finish_full_chunk()
             first = last
 
+    def add_records(self, records: bytes, starts: NDArray[np.int64]) -> None:
+        """Write message records that lie one behind the other at ``starts``."""
+        ends = np.append(starts[1:], len(records))
+        view = memoryview(records)
+        first = 0
+        while first < len(starts):
+            shift = len(self._records) - int(starts[first])  # from places among these to places in the chunk
+            last = min(int(np.searchsorted(ends, self._chunk_size - shift, "right")) + 1, len(starts))
+            self._records += view[int(starts[first]) : int(ends[last - 1])]
+            self._starts.frombytes((starts[first:last] + shift).tobytes())
+            self._finish_full_chunk()
+            first = last
+
     def flush(self) -> None:
         """Finish the chunk and hand everything to the operating system. A chunk without messages waits."""
         self._finish_chunk()
@@ -173,29 +188,24 @@ class ChunkWriter:
         start = self._stream.tell()
         statistics = self._statistics
         statistics.schema_count, statistics.channel_count = len(self._schemas), len(self._channels)
-        statistics.metadata_count = len(self._metadata_indexes)
-        statistics.chunk_count = len(self._chunk_indexes)
-        groups: tuple[tuple[Opcode, Sequence[records.McapRecord]], ...] = (
-            (Opcode.SCHEMA, self._schemas),
-            (Opcode.CHANNEL, self._channels),
-            (Opcode.STATISTICS, [statistics]),
+        groups: tuple[tuple[Opcode, bytes | bytearray], ...] = (
+            (Opcode.SCHEMA, _bytes_of(*self._schemas)),
+            (Opcode.CHANNEL, _bytes_of(*self._channels)),
+            (Opcode.STATISTICS, _bytes_of(statistics)),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
-            (Opcode.ATTACHMENT_INDEX, []),
+            (Opcode.ATTACHMENT_INDEX, b""),
             (Opcode.METADATA_INDEX, self._metadata_indexes),
         )
-        summary = RecordBuilder()
+        place, crc = start, 0
         offsets = []
         for opcode, group in groups:
-            group_start = summary.count
-            for record in group:
-                record.write(summary)
-            offsets.append(records.SummaryOffset(opcode, start + group_start, summary.count - group_start))
-        offset_start = start + summary.count
-        for offset in offsets:
-            offset.write(summary)
-        data = summary.end()
-        crc = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, start, offset_start), zlib.crc32(data))
-        self._stream.write(data + _bytes_of(records.Footer(start, offset_start, crc)) + MCAP0_MAGIC)
+            offsets.append(records.SummaryOffset(opcode, place, len(group)))
+            place += len(group)
+            crc = zlib.crc32(group, crc)
+            self._stream.write(group)
+        end = _bytes_of(*offsets)
+        crc = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, start, place), zlib.crc32(end, crc))
+        self._stream.write(end + _bytes_of(records.Footer(start, place, crc)) + MCAP0_MAGIC)
 
     def _finish_full_chunk(self) -> None:
         if len(self._records) > self._chunk_size:
@@ -224,7 +234,7 @@ class ChunkWriter:
         offsets, index, counts = _message_index(heads["channel"], times, starts, position + len(chunk))
         self._stream.write(chunk)
         self._stream.write(index)
-        self._chunk_indexes.append(
+        self._chunk_indexes += _bytes_of(
             records.ChunkIndex(
                 chunk_length=len(chunk),
                 chunk_start_offset=position,
@@ -238,6 +248,7 @@ class ChunkWriter:
             )
         )
         statistics = self._statistics
+        statistics.chunk_count += 1
         statistics.message_start_time = min(start, statistics.message_start_time) if statistics.message_count else start
         statistics.message_end_time = max(end, statistics.message_end_time)
         statistics.message_count += len(starts)
@@ -246,9 +257,10 @@ class ChunkWriter:
             statistics.channel_message_counts[channel] = known + count
 
 
-def _bytes_of(record: records.McapRecord) -> bytes:
+def _bytes_of(*some: records.McapRecord) -> bytes:
     builder = RecordBuilder()
-    record.write(builder)
+    for record in some:
+        record.write(builder)
     data: bytes = builder.end()
     return data
 

@@ -6,24 +6,26 @@ import functools
 import os
 import re
 import shutil
+from array import array
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import zip_longest
 from pathlib import Path
 from textwrap import indent
 from types import TracebackType
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..errors import InputError
+from . import definitions
 from .chunks import ChunkWriter
 from .reader import yaml_texts
 from .salvage import Declared
 
-__all__ = ["BagWriter", "check_replaceable", "keep_apart", "load_message_definitions", "remove_bag"]
+__all__ = ["BagWriter", "check_replaceable", "keep_apart", "remove_bag"]
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 _QOS: dict[str, dict[str, Any]] = {
@@ -50,32 +52,17 @@ _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
 
 
 @functools.cache
-def _typestore() -> Any:
-    # Imported where it is needed: it takes longer than the rest of the package, and only writers need it.
-    from rosbags.typesys import Stores, get_typestore
+def _declaration(msgtype: str) -> tuple[bytes, str] | None:
+    """A message type's definition and the hash of its description; None if it is not known."""
+    if msgtype in definitions.HASHES:
+        return definitions.definition(msgtype).encode(), definitions.HASHES[msgtype]
+    from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
 
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-def load_message_definitions() -> None:
-    """Load what writing a bag needs, now rather than when the first one is begun; a quarter of a second."""
-    _typestore()
-
-
-class _File(NamedTuple):
-    """One file of a bag: log times of its first and last message, and how many it has on each topic."""
-
-    name: str
-    start: int
-    end: int
-    counts: list[int]
-
-    def span(self) -> dict[str, Any]:
-        return {
-            "duration": {"nanoseconds": max(0, self.end - self.start)},
-            "starting_time": {"nanoseconds_since_epoch": self.start},
-            "message_count": sum(self.counts),
-        }
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if msgtype not in store.types:
+        return None
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    return text.encode(), store.hash_rihs01(msgtype)
 
 
 class BagWriter:
@@ -122,13 +109,14 @@ class BagWriter:
             self.folder = self.folder.resolve()
         self._force = force
         self._topics: dict[str, int] = {}
-        self._topic_metadata: list[dict[str, Any]] = []
+        self._topic_texts: list[str] = []  # what metadata.yaml says of each, made once: a file of a log begins quickly
         self._schemas: dict[str, int] = {}
         self._copied: dict[tuple[str, str, bytes], int] = {}
         self._declarations: list[tuple[str, tuple[Any, ...]]] = []  # for each further file
         self._counts: list[int] = []  # in the present file, as these
         self._start, self._end = _NO_TIME, 0
-        self._finished: list[_File] = []
+        self._finished = array("Q")  # of each file before: log times of its first and last message, number of messages
+        self._finished_counts: list[int] = []  # in these, by topic
         self._options = chunk_size, compression
 
         name = self.folder.name
@@ -136,7 +124,6 @@ class BagWriter:
             raise InputError(f"{self.folder}: a bag's name must be of letters that can be printed")
         check_replaceable(self.folder, force)
         self._work = self.folder.with_name(f".{name}.{os.urandom(4).hex()}") if aside else self.folder
-        self._file_name = f"{name}_0.mcap"
         try:
             if not aside:
                 remove_bag(self.folder)
@@ -152,11 +139,14 @@ class BagWriter:
             raise
 
     def _begin_file(self) -> None:
-        self._file = open(self._work / self._file_name, "xb")
+        self._file = open(self._work / self._file_name(len(self._finished) // 3), "xb")
         self._mcap = self._open_mcap(self._file, *self._options)
         self._mcap.start("ros2", "tire_dynamics")
         for method, arguments in self._declarations:
             getattr(self._mcap, method)(*arguments)
+
+    def _file_name(self, number: int) -> str:
+        return f"{self.folder.name}_{number}.mcap"
 
     def _declare(self, method: str, *arguments: Any) -> int:
         self._declarations.append((method, arguments))
@@ -193,24 +183,25 @@ class BagWriter:
             raise InputError(f"{name!r} is not an absolute ROS topic name")
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
-        if msgtype not in _typestore().types:
+        declaration = _declaration(msgtype)
+        if declaration is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
+        text, type_hash = declaration
         if msgtype not in self._schemas:
-            text, _ = _typestore().generate_msgdef(msgtype, ros_version=2)
-            self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text.encode())
+            self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
         topic = {
             "name": name,
             "type": msgtype,
             "serialization_format": "cdr",
             "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": _typestore().hash_rihs01(msgtype),
+            "type_description_hash": type_hash,
         }
         channel = {
             "offered_qos_profiles": _qos_text(qos),
             "topic_type_hash": topic["type_description_hash"],
         }
         self._topics[name] = self._declare("register_channel", name, "cdr", self._schemas[msgtype], channel)
-        self._topic_metadata.append(topic)
+        self._topic_texts.append(_yaml([{"topic_metadata": topic}]))
         self._counts.append(0)
         return self._topics[name]
 
@@ -222,15 +213,14 @@ class BagWriter:
             self._copied[schema] = self._declare("register_schema", *schema) if named else 0
         metadata = dict(declared.metadata)
         handle = self._declare("register_channel", declared.topic, declared.encoding, self._copied[schema], metadata)
-        self._topic_metadata.append(
-            {
-                "name": declared.topic,
-                "type": declared.msgtype,
-                "serialization_format": declared.encoding,
-                "offered_qos_profiles": offered_qos(metadata.get("offered_qos_profiles", "")),
-                "type_description_hash": metadata.get("topic_type_hash", ""),
-            }
-        )
+        topic = {
+            "name": declared.topic,
+            "type": declared.msgtype,
+            "serialization_format": declared.encoding,
+            "offered_qos_profiles": offered_qos(metadata.get("offered_qos_profiles", "")),
+            "type_description_hash": metadata.get("topic_type_hash", ""),
+        }
+        self._topic_texts.append(_yaml([{"topic_metadata": topic}]))
         self._counts.append(0)
         return handle
 
@@ -298,6 +288,30 @@ class BagWriter:
         self._counts = counts
         self._start, self._end = min(self._start, start), max(self._end, end)
 
+    def write_records(
+        self, records: bytes, starts: NDArray[np.int64], counts: Mapping[int, int], span: tuple[int, int]
+    ) -> None:
+        """Write messages that are records of an MCAP file already.
+
+        Parameters
+        ----------
+        records : bytes
+        starts : (N,) ndarray of int
+            Where they are, one behind the other.
+        counts : mapping
+            How many there are of each topic, by what ``add_topic`` returned.
+        span : tuple of int
+            A log time [ns] that is not after any of theirs, and one that is not before any.
+        """
+        if span[0] < 0:
+            raise ValueError(f"log_time_ns {span[0]}: below 0")
+        if not starts.size:
+            return
+        self._mcap.add_records(records, starts)
+        for topic, count in counts.items():
+            self._counts[topic - 1] += count
+        self._start, self._end = min(self._start, span[0]), max(self._end, span[1])
+
     def flush(self) -> None:
         """Finish the chunk and hand all that was written to the operating system.
 
@@ -318,18 +332,18 @@ class BagWriter:
     def split(self) -> None:
         """Go on in another file of the bag, ``<name of folder>_<number>.mcap``; the one before is whole."""
         self._finish_file()
-        self._finished.append(self._present_file())
+        self._finished.extend((self._start, self._end, sum(self._counts)))
+        self._finished_counts = self._all_counts()
         self._counts, self._start, self._end = [0] * len(self._counts), _NO_TIME, 0
-        self._file_name = f"{self.folder.absolute().name}_{len(self._finished)}.mcap"
         self._begin_file()
 
-    def _present_file(self) -> _File:
-        return _File(self._file_name, self._start, self._end, self._counts)
+    def _all_counts(self) -> list[int]:
+        return [before + now for before, now in zip_longest(self._finished_counts, self._counts, fillvalue=0)]
 
     def _finish_file(self) -> None:
-        information = self._information([self._present_file()])
+        information = self._information(len(self._finished) // 3, self._counts)
         with self._file:
-            self._mcap.add_metadata("rosbag2", {"serialized_metadata": _yaml(information)})
+            self._mcap.add_metadata("rosbag2", {"serialized_metadata": information})
             self._mcap.finish()
 
     def close(self) -> None:
@@ -337,7 +351,7 @@ class BagWriter:
         if self._file.closed:
             return
         self._finish_file()
-        information = _yaml(self._information([*self._finished, self._present_file()]))
+        information = self._information(0, self._all_counts())
         text = "rosbag2_bagfile_information:\n" + indent(information, "  ")
         (self._work / "metadata.yaml").write_text(text, "utf-8")
         if self._work != self.folder:
@@ -345,23 +359,25 @@ class BagWriter:
             remove_bag(self.folder)
             self._work.rename(self.folder)
 
-    def _information(self, files: Sequence[_File]) -> dict[str, Any]:
-        """``metadata.yaml``, version 9, in rosbag2's order of keys."""
-        counts = [sum(of_topic) for of_topic in zip_longest(*(file.counts for file in files), fillvalue=0)]
-        whole = _File("", min(file.start for file in files), max(file.end for file in files), counts)
-        topics = zip(self._topic_metadata, counts, strict=True)
-        return {
-            "version": 9,
-            "storage_identifier": "mcap",
-            **whole.span(),
-            "topics_with_message_count": [{"topic_metadata": topic, "message_count": count} for topic, count in topics],
+    def _information(self, first: int, counts: Sequence[int]) -> str:
+        """``metadata.yaml``, version 9, keys in rosbag2's order: of the files from one on, with messages by topic."""
+        spans = [*self._finished[3 * first :], self._start, self._end, sum(self._counts)]
+        starts, ends, messages = spans[::3], spans[1::3], spans[2::3]
+        names = [self._file_name(first + number) for number in range(len(starts))]
+        files = [_span(*span) for span in zip(starts, ends, messages, strict=True)]
+        head = {"version": 9, "storage_identifier": "mcap", **_span(min(starts), max(ends), sum(messages))}
+        tail = {
             "compression_format": "",
             "compression_mode": "",
-            "relative_file_paths": [file.name for file in files],
-            "files": [{"path": file.name, **file.span()} for file in files],
+            "relative_file_paths": names,
+            "files": [{"path": name, **span} for name, span in zip(names, files, strict=True)],
             "custom_data": None,
             "ros_distro": "jazzy",
         }
+        topics = "".join(
+            f"{text}  message_count: {count}\n" for text, count in zip(self._topic_texts, counts, strict=True)
+        )
+        return f"{_yaml(head)}topics_with_message_count:{'' if topics else ' []'}\n{topics}{_yaml(tail)}"
 
     def __enter__(self) -> BagWriter:
         return self
@@ -383,6 +399,15 @@ class BagWriter:
                 with suppress(OSError):
                     self._file.close()
                 shutil.rmtree(self._work, ignore_errors=True)
+
+
+def _span(start: int, end: int, messages: int) -> dict[str, Any]:
+    """What ``metadata.yaml`` says of a file or of the whole: log times of its first and last message, how many."""
+    return {
+        "duration": {"nanoseconds": max(0, end - start)},
+        "starting_time": {"nanoseconds_since_epoch": start},
+        "message_count": messages,
+    }
 
 
 @functools.cache

@@ -1,0 +1,51 @@
+# cython: language_level=3
+
+from ..estimator.wheels cimport Wheels
+
+cdef class MessageStream:
+    cdef readonly Wheels wheels
+    cdef readonly long long no_velocity
+    cdef readonly object joints
+    cdef readonly object malformed
+    cdef readonly list inputs
+    cdef readonly list outputs
+    cdef object _decoder
+    cdef object _wrench_decoder
+    cdef double radius
+    cdef double scale
+    cdef long long[::1] malformed_counts
+    cdef unsigned char[::1] names
+    cdef Py_ssize_t names_end
+    cdef Py_ssize_t names_count
+    cdef Py_ssize_t places
+    cdef long long[::1] place
+    cdef unsigned char[::1] wrench
+    cdef unsigned char[::1] deflection
+    cdef unsigned char[::1] shape
+    cdef long long[::1] wrench_at
+    cdef long long[::1] shape_at
+    cdef double[::1] outward
+    cdef double[::1] along
+    cdef unsigned char[::1] out
+    cdef Py_ssize_t used
+    cdef long long[::1] begin
+    cdef long long[::1] topic
+    cdef Py_ssize_t messages
+    cdef Py_ssize_t most
+
+    cdef bint take(
+        self, Py_ssize_t topic, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
+    ) noexcept nogil
+    cdef bint take_float(
+        self, Py_ssize_t wheel, bint is_load, long long received, const unsigned char[::1] data, Py_ssize_t first,
+        Py_ssize_t size
+    ) noexcept nogil
+    cdef int take_wrench(
+        self, Py_ssize_t wheel, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
+    ) noexcept nogil
+    cdef int take_joints(
+        self, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
+    ) noexcept nogil
+    cdef void put_forces(self, long long stamp, Py_ssize_t head) noexcept nogil
+    cdef void put_belts(self, long long stamp, Py_ssize_t head) noexcept nogil
+    cdef void ensure(self) noexcept nogil

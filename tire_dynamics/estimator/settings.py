@@ -1,0 +1,27 @@
+"""What an estimator of several wheels is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..science.unit import TireWheelUnit
+from ..science.wheel import Model
+
+__all__ = ["VehicleSettings"]
+
+
+@dataclass(frozen=True)
+class VehicleSettings:
+    """What a :class:`~.vehicle.Vehicle` is made of; times in nanoseconds, the rest SI."""
+
+    unit: TireWheelUnit
+    wheels: tuple[str, ...] = ("wheel",)
+    joint_names: tuple[str, ...] = ("wheel",)
+    period: int = 2_000_000
+    ring_period: int = 20_000_000
+    ring_samples: int = 72
+    n_max: int = 30
+    model: Model = "inextensional"
+    input_timeout: int = 200_000_000
+    max_speed: float = 1000.0
+    max_load: float = 200e3
