@@ -26,7 +26,8 @@ EXIT_STATUS = """exit status, of every command:
   0      done
   1      a fault of this program, with a traceback: please report it
   2      input or usage that cannot be used; a line on standard error says what, and what to do.
-         Of several bags: some could not be replayed, and the others were
+         Of several bags: some could not be replayed, and the others were.
+         Of a replay: a wheel has no output, and the others have; a line says why
   128+N  ended by signal N: 130 by Ctrl-C, 141 where the reader of a pipe has gone"""
 
 
@@ -211,6 +212,7 @@ _FIRST_STEPS = (
     ("stability --speed-rpm 2000", "is the tire of the paper stable at 2000 rpm?"),
     ("node --ros-args --params-file config/vehicle.yaml", "beside a vehicle stack"),
 )
+_A_BAG = "a rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file"
 _BAGS, _MODEL, _OTHER = "bags", "the model", "beside these"
 _NODE_EXAMPLES = (
     ("node --ros-args --params-file config/vehicle.yaml", "a car with four wheels"),
@@ -244,8 +246,9 @@ def _declare(commands: _Commands) -> None:
             ("info recording --remap front_left/load:=/fl/force_torque", "would it do, with this topic as the load?"),
         ),
     )
-    command.add_argument("input", metavar="BAG", help="a rosbag2 folder or a .mcap file")
+    command.add_argument("input", metavar="BAG", help=_A_BAG)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command, quiet=False)
     command.set_defaults(run=_info)
 
@@ -263,13 +266,12 @@ def _declare(commands: _Commands) -> None:
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
         ),
     )
-    command.add_argument(
-        "input", metavar="IN", nargs="+", help="a rosbag2 folder or a .mcap file: inputs, or a log of the node"
-    )
+    command.add_argument("input", metavar="IN", nargs="+", help=f"{_A_BAG}: inputs, or a log of the node")
     _add_output(command, "the rosbag2 folder to write")
     _add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
     _add_remap(command)
+    _add_clock(command)
     jobs.add_arguments(command, "the bags")
     answer.add_arguments(command)
     command.set_defaults(run=_replay)
@@ -285,6 +287,7 @@ def _declare(commands: _Commands) -> None:
     )
     report.add_arguments(command)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=report.run)
 
@@ -313,10 +316,17 @@ def _declare(commands: _Commands) -> None:
             ("play drive --wait 10", "begin when somebody listens to every topic, or after 10 s"),
         ),
     )
-    command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file")
+    command.add_argument("input", metavar="IN", help=_A_BAG)
     command.add_argument("--rate", metavar="R", type=float, default=1.0, help="speed of play (default 1)")
     command.add_argument("--loop", action="store_true", help="begin again at the end")
     command.add_argument("--keep-stamps", action="store_true", help="do not move header stamps to the present")
+    command.add_argument(
+        "--max-gap",
+        metavar="S",
+        type=float,
+        default=3600.0,
+        help="skip a gap in the recording that is longer than S seconds, and say so (default 3600)",
+    )
     command.add_argument(
         "--wait", metavar="S", type=float, default=0.0, help="wait at most S seconds for a subscriber on every topic"
     )
@@ -454,6 +464,7 @@ def _declare(commands: _Commands) -> None:
     )
     identify.add_arguments(command)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=identify.run)
 
@@ -499,6 +510,22 @@ def _add_remap(command: argparse.ArgumentParser) -> None:
         default=[],
         help="take the input from this topic of the bag, as in front_left/load:=/fl/force_torque; may be repeated",
     )
+    command.add_argument(
+        "--joint",
+        metavar="WHEEL:=NAME",
+        action="append",
+        default=[],
+        help="take the wheel's speed from this joint of joint_states, as in front_left:=fl_joint; may be repeated",
+    )
+
+
+def _add_clock(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--clock",
+        choices=("stamp", "log"),
+        help="one clock where stamps and times of receipt have two: that of the stamps, as of simulated time, or that "
+        "of the receipt",
+    )
 
 
 def _node(arguments: list[str]) -> int:
@@ -536,7 +563,12 @@ def _play(options: argparse.Namespace) -> int:
     from .answer import answer
 
     count = play(
-        options.input, rate=options.rate, loop=options.loop, keep_stamps=options.keep_stamps, wait=options.wait
+        options.input,
+        rate=options.rate,
+        loop=options.loop,
+        keep_stamps=options.keep_stamps,
+        wait=options.wait,
+        max_gap=options.max_gap,
     )
     answer(options, {"input": options.input, "messages": count}, f"{count} messages published")
     return 0
@@ -569,7 +601,7 @@ def _replay(options: argparse.Namespace) -> int:
         _say_if_slow()
 
         return UNUSABLE if batch.run(options) else 0
-    from ..replay.replay import remaps_of, replay
+    from ..replay.replay import joints_of, remaps_of, replay
     from .answer import answer
 
     _say_if_slow()
@@ -581,14 +613,18 @@ def _replay(options: argparse.Namespace) -> int:
         force=options.force,
         quiet=options.quiet,
         remaps=remaps_of(options.remap),
+        joints=joints_of(options.joint),
+        clock=options.clock,
     )
     if summary.damage:
         print(_one_line(f"{source} is damaged: {summary.damage}; what stands before was replayed"), file=sys.stderr)
+    for wheel, reason in summary.without.items():
+        print(_one_line(f"{wheel}: no output; {reason}"), file=sys.stderr)
     total = sum(summary.received.values())
     written = sum(summary.written.values())
     content = {"input": source, "output": options.output, **summary._asdict()}
     answer(options, content, f"{options.output}: {total} messages in, {written} out")
-    return 0
+    return UNUSABLE if summary.without else 0
 
 
 def _stability(options: argparse.Namespace) -> int:
