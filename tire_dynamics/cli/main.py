@@ -9,9 +9,12 @@ import re
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..files.errors import InputError
+
+if TYPE_CHECKING:
+    from ..science.unit import TireWheelUnit
 
 __all__ = ["main", "node"]
 
@@ -223,7 +226,7 @@ _NODE_EXAMPLES = (
 
 def _declare(commands: _Commands) -> None:
     from ..replay import jobs
-    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, uncertainty
+    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, road, uncertainty
     from . import map as map_
 
     command = commands.add(
@@ -373,6 +376,20 @@ def _declare(commands: _Commands) -> None:
     command.set_defaults(run=loads.run)
 
     command = commands.add(
+        _BAGS,
+        "road",
+        help="a road and a speed into an input bag: ISO 8608, cleats, steps, profiles",
+        examples=(
+            ("road --class C --speed-kmh 80 -o rough", "a car on an average road, 20 s"),
+            ("road --cleat 0.01:0.02@5 --speed-kmh 30 --duration 2 --wheels wheel -o cleat", "one wheel over a cleat"),
+            ("road --profile lane.csv --speed drive.csv -o lane", "a measured road at a measured speed"),
+        ),
+    )
+    road.add_arguments(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=road.run)
+
+    command = commands.add(
         _MODEL,
         "stability",
         help="Floquet stability at a speed, as JSON",
@@ -390,8 +407,12 @@ def _declare(commands: _Commands) -> None:
         "--n-max",
         metavar="N",
         type=int,
-        default=1,
         help="with a sidewall that is not uniform: the modes n = 0 to N, which its harmonics couple (1: n = 1 alone)",
+    )
+    command.add_argument(
+        "--contact",
+        action="store_true",
+        help="on the road, without lift-off, with the belt's harmonics to --n-max (30)",
     )
     uncertainty.add_arguments(command)
     command.add_argument("--json", action="store_true", help="as it is anyway")
@@ -635,12 +656,22 @@ def _stability(options: argparse.Namespace) -> int:
 
     if not abs(options.speed_rpm) <= _MAX_RPM:
         raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be between -{_MAX_RPM:g} and {_MAX_RPM:g}")
-    if not 1 <= options.n_max <= _MOST_MODES:
-        raise InputError(f"--n-max is {options.n_max}; it must be from 1 to {_MOST_MODES}")
     values = complete(read_config(options.config) if options.config else {})
     try:
         speed = options.speed_rpm * math.pi / 30.0
-        reply = stability_reply("wheel", unit_of(values), speed, values["model"], options.n_max)
+        unit = unit_of(values)
+        varying = bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
+        most = 100 if options.contact and not varying else _MOST_MODES
+        n_max = options.n_max if options.n_max is not None else (5 if varying else 30) if options.contact else 1
+        if not 1 <= n_max <= most:
+            raise InputError(f"--n-max is {n_max}; it must be from 1 to {most}")
+        if options.contact and options.samples is not None:
+            raise InputError("--samples is for the tire under a given load; leave --contact out")
+        reply = (
+            _on_the_road(unit, speed, values["model"], n_max)
+            if options.contact
+            else stability_reply("wheel", unit, speed, values["model"], n_max)
+        )
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     if options.samples is not None:
@@ -652,6 +683,28 @@ def _stability(options: argparse.Namespace) -> int:
         raise InputError("--error belongs to --samples, which is not given")
     print(json.dumps(reply, indent=2))
     return 0
+
+
+def _on_the_road(unit: TireWheelUnit, speed: float, model: Any, n_max: int) -> dict[str, Any]:
+    """The stability reply of a tire on the road."""
+    from ..science import wheel
+
+    result = wheel.stability(unit, speed, model, contact=True, n_max=n_max)
+    pairs = {
+        name: None if values is None else [[value.real, value.imag] for value in values.tolist()]
+        for name, values in (("multipliers", result.multipliers), ("exponents_1_s", result.exponents))
+    }
+    return {
+        "wheel": "wheel",
+        "state": "on the road",
+        "n_max": n_max,
+        "speed_rad_s": speed,
+        "period_s": result.period,
+        "verdict": result.verdict,
+        "spectral_radius": result.spectral_radius,
+        **pairs,
+        "critical_speed_rad_s": wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max),
+    }
 
 
 def _completion(options: argparse.Namespace) -> int:
