@@ -98,9 +98,9 @@ def null_node(rate: float, log: Path | None, pacing: str = PACINGS[0]) -> list[s
 
 
 @contextlib.contextmanager
-def running(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that ends with the block, whatever ends that."""
-    process = subprocess.Popen(command)
+def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """A process, with the options of Popen, that ends with the block, whatever ends that."""
+    process = subprocess.Popen(command, **options)
     try:
         yield process
     finally:

@@ -25,6 +25,8 @@ MODULES = [
     "science.ring",
     "science.wheel",
     "science.floquet",
+    "science.contact",
+    "science.contact_step",
     "science.nonuniform",
     "science.turning",
     "science.uniformity",

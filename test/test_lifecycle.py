@@ -219,7 +219,7 @@ def test_joint_states_of_two_publishers_in_any_order(bench):
     one.peer.create_timer(0.01, send)
     for wrenches in received:
         one.until(lambda wrenches=wrenches: len(wrenches) > 50, "wrenches of both wheels")
-    assert [schedule.speed for schedule in one.node._pipeline.vehicle.schedules] == [90.0, 91.0]
+    assert [wheel.speed for wheel in one.node._pipeline.vehicle.inputs] == [90.0, 91.0]
 
 
 def test_a_load_without_a_stamp_is_one_of_the_moment(bench, tmp_path):

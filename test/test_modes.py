@@ -144,6 +144,7 @@ class Lagrangian:
             nodes, weights = np.zeros(1), np.array([2.0])
         else:
             nodes, weights = np.polynomial.legendre.leggauss(24)  # exact to rounding for n phi_c up to 15
+            weights = weights * half / math.sin(half)  # the resultant of the pressure is the load
         u_z, u_theta = self.shapes(angle - phi + half * nodes)
         return 0.5 * weights @ (radial * u_z + tangential * u_theta)
 
@@ -318,14 +319,12 @@ def test_constant_speed(model, unit, drive, n):
 @given(unit=units(), drive=drives(varying=True), n=st.integers(2, 6))
 @example(unit=TABLE_1, drive=Drive([0.0, 0.01], [-100.0, 100.0], 0.0, 500.0), n=3)
 def test_varying_speed(model, unit, drive, n):
-    """Second order in the step, to the limit that has the Euler terms: a fourth of the step leaves a sixteenth."""
+    """Exact too, Euler terms and all, in steps as long as the inputs' lines or shorter."""
     numbers = some_numbers(model, n)
     expected = expected_motion(Lagrangian(unit, numbers, model), drive)
     modes = RingModes(unit, numbers, model)
-    coarse, fine = (error(motion(modes, drive.finer(k))[:, ::k], expected) for k in (16, 64))
-    # the next order still counts for a percent or so of sixteen
-    assert fine < coarse / 15.0 or fine < EXACT, (coarse, fine)
-    assert fine < 1e-3
+    for parts in (1, 16):
+        assert error(motion(modes, drive.finer(parts))[:, ::parts], expected) < EXACT
 
 
 @pytest.mark.slow
@@ -455,10 +454,12 @@ def test_motion_comes_to_the_steady_state(model, speed):
 @pytest.mark.parametrize("model", ["inextensional", "hybrid", "complete"])
 @pytest.mark.parametrize("half_angle", [1e-8, 0.1, 0.7, 0.5 * math.pi])
 def test_contact_patch(model, half_angle):
-    """Section 4: harmonic n of a load spread evenly over +-phi_c is sin(n phi_c)/(n phi_c) of a point load's."""
+    """Section 4: s_n = sin(n phi_c)/(n sin phi_c) of a pressure even over +-phi_c whose resultant is the load."""
     numbers = np.arange(2, 31) if model != "complete" else np.arange(31)
     point, patch = (RingModes(TABLE_1.replace(contact_half_angle=a), numbers, model) for a in (0.0, half_angle))
-    share = np.array([math.sin(n * half_angle) / (n * half_angle) if n else 1.0 for n in numbers])
+    # an even pressure p: p a b 2 sin(phi_c) is the load, and its harmonic n is p a b (2/n) sin(n phi_c)
+    integral = np.array([2.0 * math.sin(n * half_angle) / n if n else 2.0 * half_angle for n in numbers])
+    share = integral / (2.0 * math.sin(half_angle))
     for speed in (0.0, 150.0):
         whole, spread = (modes.amplitudes(modes.at(speed).steady(-2000.0, 300.0)) for modes in (point, patch))
         for Z, Z_spread in zip(whole, spread, strict=True):

@@ -20,7 +20,7 @@ TIRE_FIELDS = (
     "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s", "zeta_n",
     "sidewall_damping", "contact_half_angle", "longitudinal_stiffness", "longitudinal_damping_ratio",
     "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
-    "radial_runout", "contact_stiffness",
+    "radial_runout", "contact_stiffness", "vertical_stiffness", "residual_damping", "sprung_mass",
 )  # fmt: skip
 
 

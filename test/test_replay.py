@@ -326,6 +326,18 @@ def _damaged_records():
     yield json.dumps({**good, "vehicle": {"time": 5, "ring_turns": [1], "wheels": [5]}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "time": "now"}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": []}})
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "time": 2**70}})
+    # more than there is room for: what is compiled writes where it is told to
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "ring_turns": [1] * 10_000}})
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": good["vehicle"]["wheels"] * 10_000}})
+    [wheel] = good["vehicle"]["wheels"]
+    belt = wheel["belt"]
+    for changes in (
+        {"state": [0.0] * 10_000}, {"state": []}, {"speed": [[2**70, 1.0, None], []]}, {"load": [None, [[5, 1.0]]]},
+        {"spin_speed": 10**400}, {"belt": {**belt, "own": [[[0.0] * 1000] * 2] * 2}},
+        {"belt": {**belt, "interval": [2**64, 1.0, 1.0, 1.0]}}, {"belt": {**belt, "interval": [1]}},
+    ):  # fmt: skip
+        yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": [{**wheel, **changes}]}})
 
 
 @pytest.mark.parametrize("record", [*_damaged_records()], ids=lambda record: record[-60:])

@@ -7,17 +7,18 @@ import math
 
 import numpy as np
 import pytest
+import ring_frame
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from test_unit import mappings
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.estimator.motion import Motion, fastest_kernels
-from tire_dynamics.estimator.schedule import Plan
+from tire_dynamics.build_state import how_to_compile, is_compiled
+from tire_dynamics.estimator.motion import Motion
 from tire_dynamics.estimator.vehicle import stability_reply
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
-from tire_dynamics.science import kernels, nonuniform, ring, turning, wheel
+from tire_dynamics.science import nonuniform, ring, turning, wheel
 from tire_dynamics.science.nonuniform import Nonuniformity
 
 MS = 1_000_000  # ns
@@ -37,35 +38,17 @@ UNITS = {
 }
 
 
-def contact_load(unit, load, phi):
-    """The load with run-out: the tread's radius where it touches, the angle 3 pi/2 - phi on the ring."""
-    if load <= 0.0:
-        return load
-    radius = sum(r * math.cos(j * (1.5 * math.pi - phi - chi)) for j, r, chi in unit.radial_runout)
-    return load + unit.contact_stiffness * radius
+def started(unit, model, speed, load, traction=0.0, angle=0.0):
+    """A wheel in the steady state, as the estimator starts one."""
+    motion = Motion(unit, model, 1)
+    motion.put(0, turning.steady_state(unit, speed, load, traction, angle, model), speed, angle)
+    return motion
 
 
-def ring_frame(unit, speed, load, traction, phi_0, model, duration):
-    """The state after a time, from the equations of the ring's frame by DOP853, from ``turning.steady_state`` on."""
-    held = unit.is_held
-    begin = turning.steady_state(unit, speed, load, traction, phi_0, model)
-    centrifugal = np.zeros(begin.size)
-    share = unit.ring_mass if model == "inextensional" else 0.5 * unit.ring_mass  # the mass of Z_1
-    size = unit.imbalance_mass * unit.radius * speed**2 / share
-    centrifugal[:2] = size * math.cos(unit.imbalance_angle), size * math.sin(unit.imbalance_angle)
-    forces = wheel.fixed_frame(unit, model).input
-
-    def slope(t, z):
-        phi = phi_0 + speed * t
-        A = nonuniform.state_matrix(unit, Nonuniformity.of(unit), speed, phi / speed, model)
-        push = forces @ [contact_load(unit, load, phi), traction]
-        return A @ z + wheel.rotation(phi, speed, model, held) @ push + centrifugal
-
-    start = wheel.rotation(phi_0, speed, model, held) @ begin
-    scale = np.where(np.arange(begin.size) < begin.size // 2, 1e-1, 1e-4)
-    found = solve_ivp(slope, (0.0, duration), start, method="DOP853", rtol=3e-14, atol=1e-16 * scale)
-    phi = phi_0 + speed * duration
-    return np.linalg.solve(wheel.rotation(phi, speed, model, held), found.y[:, -1])
+def steps(motion, count, seconds, *inputs):
+    for _ in range(count):
+        motion.advance(0, seconds, *inputs)
+    return motion
 
 
 @pytest.mark.slow
@@ -75,13 +58,14 @@ def ring_frame(unit, speed, load, traction, phi_0, model, duration):
 def test_against_integration_in_the_rings_frame(unit, speed, model):
     """Tolerance: a few thousand steps of DOP853, each allowed 3e-14 of the state."""
     load, traction, phi_0, duration = 3000.0, 400.0, 1.1, 0.06
-    expected = ring_frame(unit, speed, load, traction, phi_0, model, duration)
-    for step in (0.5 * MS, 2 * MS, 20 * MS):
-        motion = Motion(unit, model, 2, 1)
-        steps = [(int(step), speed, load, traction)] * int(duration * 1e9 / step)
-        motion.follow([Plan((speed, load, traction, phi_0), steps, [math.nan] * len(steps))])
-        assert np.abs(motion.state[0] - expected).max() < 1e-10 * np.abs(expected).max()
-        turned = math.remainder(motion.phase[0] - phi_0 - speed * duration, 2.0 * math.pi)
+    start = turning.steady_state(unit, speed, load, traction, phi_0, model)
+    inputs = [0.0, duration], [speed] * 2, [(load, traction)] * 2
+    (_, expected), _ = ring_frame.integrate(unit, model, *inputs, start, phi_0, rtol=3e-14)
+    for step in (0.5e-3, 2e-3, 20e-3):
+        motion = started(unit, model, speed, load, traction, phi_0)
+        steps(motion, round(duration / step), step, speed, load, traction)
+        assert np.abs(motion.state_of(0) - expected).max() < 1e-10 * np.abs(expected).max()
+        turned = math.remainder(motion.phase_of(0) - phi_0 - speed * duration, 2.0 * math.pi)
         assert turned == pytest.approx(0.0, abs=1e-12)
 
 
@@ -91,10 +75,8 @@ def test_long_steps_are_short_ones(model):
     unit = UNITS["all"]
     ends = []
     for count in (1, 7, 200):
-        motion = Motion(unit, model, 2, 1)
-        steps = [(70 * 2 * MS // count, 150.0, 3000.0, 0.0)] * count
-        motion.follow([Plan((150.0, 3000.0, 0.0, 0.3), steps, [math.nan] * count)])
-        ends.append(motion.state[0].copy())
+        motion = steps(started(unit, model, 150.0, 3000.0, angle=0.3), count, 0.14 / count, 150.0, 3000.0)
+        ends.append(motion.state_of(0))
     for end in ends[1:]:
         assert np.abs(end - ends[0]).max() < (1e-12 if model == "inextensional" else 1e-10) * np.abs(end).max()
 
@@ -107,24 +89,11 @@ def test_force_on_a_held_wheel_is_that_of_the_springs(model):
     """By quadrature of all springs around the ring; beside the paper's damping nothing else acts there."""
     unit = UNITS["all"].replace(zeta_1=0.0)
     rng = np.random.default_rng(4)
-    motion = Motion(unit, model, 2, 1)
-    motion.state[0] = rng.normal(size=motion.state.shape[1]) * 1e-3
-    motion.phase[0] = phi = 0.9
-    half = motion.state.shape[1] // 2
-    q = motion.state[0, half:]
-    X, Y, U, V = q[:4] if model == "complete" else (q[0], q[1], q[1], -q[0])
-    psi = 2.0 * math.pi * np.arange(64) / 64  # exact for a product of three harmonics
-    u_z, u_t = X * np.cos(psi) + Y * np.sin(psi), U * np.cos(psi) + V * np.sin(psi)
-    y = q[2] if model == "inextensional" else q[4]
-    k_z, k_t = np.full_like(psi, unit.radial_stiffness), np.full_like(psi, unit.tangential_stiffness)
-    for j, e, chi in unit.radial_nonuniformity:
-        k_z += unit.radial_stiffness * e * np.cos(j * (psi - phi - chi))
-    for j, e, chi in unit.tangential_nonuniformity:
-        k_t += unit.tangential_stiffness * e * np.cos(j * (psi - phi - chi))
-    # -dU/dx of U = a b/2 oint k_z (u_z - y sin psi - x cos psi)^2 + k_theta (u_theta - y cos psi + x sin psi)^2
-    along = k_z * (u_z - y * np.sin(psi)) * np.cos(psi) - k_t * (u_t - y * np.cos(psi)) * np.sin(psi)
-    expected = -unit.radius * unit.width * 2.0 * math.pi * along.mean()
-    assert motion.read([120.0])[0][0, 0] == pytest.approx(expected, rel=1e-12)
+    state, phi = rng.normal(size=wheel.states(unit, model)) * 1e-3, 0.9
+    motion = Motion(unit, model, 1)
+    motion.put(0, state, 120.0, phi)
+    expected = ring_frame.pull_of_the_springs(unit, model, state, phi)
+    assert motion.axle_force(0, 120.0)[0] == pytest.approx(expected, rel=1e-12)
 
 
 @given(half_angle=st.floats(0.0, 0.5))
@@ -165,7 +134,7 @@ def test_an_imbalance_grows_with_the_square_of_the_speed_and_points_where_it_is(
         state = turning.steady_state(unit, speed, 0.0, 0.0, 0.4)
         parts = turning.turning(unit)
         x, z = wheel.axle_force(unit, speed, state)
-        assert parts is not None and not parts.spring.any()
+        assert parts.is_rotating and not parts.spring.any()
         size, angle = unit.imbalance_mass * unit.radius * speed**2, unit.imbalance_angle + 0.4
         # what is left out: (Omega/omega)^2 with a hop of 49 rad/s, and the damping's 2 zeta Omega/omega
         assert [x, z] == pytest.approx([-size * math.cos(angle), size * math.sin(angle)], abs=5e-3 * size)
@@ -174,9 +143,8 @@ def test_an_imbalance_grows_with_the_square_of_the_speed_and_points_where_it_is(
 def test_run_out_needs_a_load():
     lifted, loaded = (turning.steady_state(UNITS["run-out"], 100.0, load) for load in (0.0, 1.0))
     assert not lifted.any()
-    motion = Motion(UNITS["run-out"], "inextensional", 2, 1)
-    motion.follow([Plan((100.0, 0.0, 0.0, 0.3), [(MS, 100.0, 0.0, 0.0)] * 50, [math.nan] * 50)])
-    assert not motion.state.any() and np.abs(loaded).max() > 0.0
+    motion = steps(started(UNITS["run-out"], "inextensional", 100.0, 0.0, angle=0.3), 50, 1e-3, 100.0, 0.0)
+    assert not motion.state_of(0).any() and np.abs(loaded).max() > 0.0
 
 
 # -- steady states ------------------------------------------------------------------------------------------------
@@ -187,11 +155,9 @@ def test_run_out_needs_a_load():
 def test_forces_that_turn_have_an_exact_steady_state(name, model):
     """The equations stay linear: whatever it is left alone for, the motion stays what it was at the start."""
     unit, speed = UNITS[name], 130.0
-    motion = Motion(unit, model, 2, 1)
-    steps = [(2 * MS, speed, 2500.0, 100.0)] * 300
-    motion.follow([Plan((speed, 2500.0, 100.0, 0.2), steps, [math.nan] * 300)])
+    motion = steps(started(unit, model, speed, 2500.0, 100.0, 0.2), 300, 2e-3, speed, 2500.0, 100.0)
     expected = turning.steady_state(unit, speed, 2500.0, 100.0, 0.2 + speed * 0.6, model)
-    assert np.abs(motion.state[0] - expected).max() < 1e-9 * np.abs(expected).max()
+    assert np.abs(motion.state_of(0) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
 def test_a_sidewalls_steady_state_is_right_to_first_order():
@@ -199,11 +165,9 @@ def test_a_sidewalls_steady_state_is_right_to_first_order():
     left = []
     for scale in (0.02, 0.01):
         unit = TABLE_1.replace(radial_nonuniformity=[(2, scale, 0.5)])
-        motion = Motion(unit, "inextensional", 2, 1)
-        steps = [(2 * MS, 100.0, 3000.0, 0.0)] * 20
-        motion.follow([Plan((100.0, 3000.0, 0.0, 0.0), steps, [math.nan] * 20)])
+        motion = steps(started(unit, "inextensional", 100.0, 3000.0), 20, 2e-3, 100.0, 3000.0)
         expected = turning.steady_state(unit, 100.0, 3000.0, 0.0, 100.0 * 0.04)
-        left.append(np.abs(motion.state[0] - expected).max())
+        left.append(np.abs(motion.state_of(0) - expected).max())
     assert left[0] == pytest.approx(4.0 * left[1], rel=0.1)
 
 
@@ -222,15 +186,16 @@ MILLION = 1_000_000
 
 def million_steps(unit, start, speed, step, keep):
     """States after every ``keep`` of a million steps without load, and the wheel's angles there."""
-    loops = fastest_kernels()
-    if loops is kernels:
-        pytest.skip("Numba is not installed: a million steps take minutes without; the extra `fast` brings it")
-    parts = turning.turning(unit)
-    stop = np.arange(keep, MILLION + 1, keep)[:, None]
-    steps = np.tile([step, speed, 0.0, 0.0], (MILLION, 1))
-    none = np.zeros(MILLION)
-    rest = np.zeros((MILLION, 2)), none, np.full(MILLION, math.nan), np.zeros(1, np.int64), stop
-    return loops.advance_turning(start[None].copy(), np.zeros(1), *parts[:9], steps, *rest)
+    if not is_compiled():
+        pytest.skip(f"a million steps take hours interpreted; {how_to_compile()}")
+    motion, states, angles = Motion(unit, "inextensional", 1), [], []
+    motion.put(0, start, speed, 0.0)
+    time, speeds, none = step * np.arange(keep + 1), np.full(keep + 1, speed), np.zeros((keep + 1, 2))
+    for _ in range(MILLION // keep):
+        motion.follow_lines(time, speeds, none)
+        states.append(motion.state_of(0))
+        angles.append(motion.phase_of(0))
+    return np.array(states), np.array(angles)
 
 
 def test_energy_on_a_round_support_over_a_million_steps():
@@ -256,7 +221,7 @@ def test_energy_on_a_round_support_over_a_million_steps():
         energy = m * (dX**2 + dY**2) + M * (dx**2 + dy**2) + K * (x**2 + y**2) + k * (np.abs(R) ** 2 + varying)
         return 0.5 * energy - speed * (m * (X * dY - Y * dX) + M * (x * dy - y * dx))
 
-    before, after = jacobi(start[None], 0.0), jacobi(states[:, 0], phases[:, 0])
+    before, after = jacobi(start[None], 0.0), jacobi(states, phases)
     scale = m * 0.13 + M * 0.17 + k * 1e-5  # of the energy's parts
     assert np.abs(after - before).max() < 1e-10 * scale
     assert np.abs(states[-100:]).max() > 0.01  # it still moves
@@ -285,7 +250,7 @@ def test_multipliers_of_a_held_wheel_over_a_million_steps():
     parts = np.linalg.inv(modes)
     start = np.array([0.3, -0.2, 0.1, 1e-3, 2e-3, -1e-3])
     states, _ = million_steps(unit, start, speed, step, steps)
-    sizes = np.abs(states[:, 0] / scale @ parts.T)
+    sizes = np.abs(states / scale @ parts.T)
     first = np.abs(parts @ (start / scale))
     # the matrix is known to 1e-12 or so, and so are its modes; the rest is a million roundings
     assert np.abs(sizes - first).max() < 1e-9 * first.max()
@@ -329,14 +294,13 @@ def test_growth_in_a_tongue_is_the_multipliers():
     speed = nonuniform.nearest_tongue(unit, Nonuniformity.of(unit), 640.0)
     found = wheel.stability(unit, speed)
     assert found.verdict == "unstable"
-    motion = Motion(unit, "inextensional", 2, 1)
-    motion.state[0] = 1e-6
-    turn = round(2e9 * math.pi / speed)
+    motion = Motion(unit, "inextensional", 1)
+    motion.put(0, np.full(6, 1e-6), speed, 0.0)
     sizes = []
     for _ in range(60):
-        motion.follow([Plan(None, [(turn, speed, 0.0, 0.0)], [math.nan])])
-        sizes.append(np.linalg.norm(motion.state[0, :3]))
-    # a turn is a whole number of nanoseconds; slower modes are gone by then
+        motion.advance(0, 2.0 * math.pi / speed, speed, 0.0)
+        sizes.append(np.linalg.norm(motion.state_of(0)[:3]))
+    # slower modes are gone by then
     growth = (sizes[-1] / sizes[-21]) ** (1.0 / 20.0)
     assert growth == pytest.approx(found.spectral_radius, rel=1e-3)
 
@@ -381,14 +345,20 @@ def test_small_amplitudes_tend_to_the_uniform_tire(model):
     assert left[2] < 1e-10 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("module", dict.fromkeys([kernels, fastest_kernels()]), ids=lambda each: each.__name__[-8:])
 @pytest.mark.parametrize("stiffness", [1e30, 1e80])
-def test_a_unit_that_is_no_tire_is_given_up(module, stiffness):
-    """It would take more pieces than there is time for: no hang, no exception."""
-    unit = TABLE_1.replace(radial_nonuniformity=[(2, 0.1, 0.0)], radial_stiffness=stiffness)
-    motion = Motion(unit, "inextensional", 2, 2, module)
-    motion.follow([Plan((100.0, 1000.0, 0.0, 0.0), [(MS, 100.0, 1000.0, 0.0)], [math.nan])] * 2)
-    assert not motion.read([100.0, 100.0])[1].any()
+@pytest.mark.parametrize("varying", [{}, {"radial_nonuniformity": [(2, 0.1, 0.0)]}], ids=["uniform", "varying"])
+def test_a_unit_that_is_no_tire_is_given_up(varying, stiffness):
+    """It would take more pieces than there is time for, or doubles hold: no hang, no exception."""
+    estimator = WheelEstimator(TABLE_1.replace(**varying, radial_stiffness=stiffness))
+    estimator.add_speed(0, 100.0)
+    estimator.add_load(0, 1000.0)
+    estimator.advance(0)
+    estimator.add_load(1, 3000.0)
+    estimator.advance(MS)
+    if estimator.advance(100 * MS):  # a uniform one may be as stiff as it likes
+        assert not varying and np.isfinite(estimator.axle_force).all()
+    else:
+        assert estimator.divergences == 1
 
 
 # -- the wheel's angle --------------------------------------------------------------------------------------------
@@ -452,9 +422,8 @@ def test_a_wheel_turned_further_is_a_tire_mounted_further(shift):
     )
     ends = []
     for tire, angle in ((unit, 0.5), (back, 0.5 + shift)):
-        motion = Motion(tire, "inextensional", 2, 1)
-        motion.follow([Plan((90.0, 3000.0, 0.0, angle), [(2 * MS, 90.0, 3100.0, 0.0)] * 20, [math.nan] * 20)])
-        ends.append(np.concatenate([motion.state[0], motion.read([90.0])[0][0]]))
+        motion = steps(started(tire, "inextensional", 90.0, 3000.0, angle=angle), 20, 2e-3, 90.0, 3100.0)
+        ends.append(np.concatenate([motion.state_of(0), motion.axle_force(0, 90.0)]))
     assert ends[0] == pytest.approx(ends[1], rel=1e-9, abs=1e-9)
 
 

@@ -15,16 +15,20 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit
+from tire_dynamics import TireWheelUnit, ring
 from tire_dynamics.files.yaml_file import read_yaml, yaml_number
 
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
 RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]
-NOT_NEGATIVE = ["longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"]
+NOT_NEGATIVE = [
+    "longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", "residual_damping",
+    "sprung_mass",
+]  # fmt: skip
 HARMONICS = ["radial_nonuniformity", "tangential_nonuniformity", "radial_runout"]
-OTHERS = (*RATIOS, *NOT_NEGATIVE, *HARMONICS, "contact_half_angle", "imbalance_angle", "sidewall_damping")
+SPECIAL = ["contact_half_angle", "imbalance_angle", "vertical_stiffness"]  # bounds of their own
+OTHERS = (*RATIOS, *NOT_NEGATIVE, *HARMONICS, *SPECIAL, "sidewall_damping")
 POSITIVE = [name for name in FIELDS if name not in OTHERS]
-NUMBERS = [*POSITIVE, *RATIOS, *NOT_NEGATIVE, "contact_half_angle", "imbalance_angle"]
+NUMBERS = [*POSITIVE, *RATIOS, *NOT_NEGATIVE, *SPECIAL]
 TABLE_1 = TireWheelUnit.table_1()
 CONFIG = Path(__file__).parents[1] / "config" / "table_1.yaml"
 
@@ -40,8 +44,6 @@ def harmonics(most):
     return st.lists(one, max_size=4, unique_by=lambda item: item[0]).map(tuple)
 
 
-
-
 @st.composite
 def mappings(draw):
     """Every field, anywhere in its bounds."""
@@ -49,6 +51,8 @@ def mappings(draw):
     values["thickness"] = values["radius"] * draw(st.floats(1e-3, 0.99))
     values["contact_half_angle"] = draw(half_angle)
     values |= {name: draw(st.just(0.0) | positive) for name in NOT_NEGATIVE} | {"imbalance_angle": draw(angle)}
+    own = ring.static_stiffness(TireWheelUnit(**values), 100)
+    values["vertical_stiffness"] = draw(st.just(0.0) | st.floats(1e-9, 0.999)) * own
     values |= {name: draw(harmonics(1.0 if name != "radial_runout" else values["radius"])) for name in HARMONICS}
     return values | {"sidewall_damping": draw(st.sampled_from(["modal", "reaction"]))}
 
@@ -59,7 +63,7 @@ def test_fields():
         "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s",
         "zeta_n", "contact_half_angle", "sidewall_damping", "longitudinal_stiffness", "longitudinal_damping_ratio",
         "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
-        "radial_runout", "contact_stiffness",
+        "radial_runout", "contact_stiffness", "vertical_stiffness", "residual_damping", "sprung_mass",
     ]  # fmt: skip
 
 
@@ -81,6 +85,15 @@ def refused(name, value, bound):
     message = str(caught.value)
     assert message.startswith(name) and bound in message and "\n" not in message, message
     return message
+
+
+def test_a_tire_on_the_road_is_softer_than_with_a_rigid_tread():
+    """MODEL 6: k_c exists only while K_v is below the tire's own; both numbers are said."""
+    own = ring.static_stiffness(TABLE_1, 100)
+    for value in (own, 2.0 * own):
+        assert repr(value) in refused("vertical_stiffness", value, f"{own:.10g}")
+    assert "0" in refused("vertical_stiffness", -1.0, ">= 0")
+    assert TABLE_1.replace(vertical_stiffness=0.999 * own).vertical_stiffness == 0.999 * own
 
 
 @pytest.mark.parametrize("name", NOT_NEGATIVE)

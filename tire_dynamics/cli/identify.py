@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import sys
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError
 from ..files.outputs import aside, writable
-from .answer import answer, plain
+from .answer import answer, plain, printable
 
 if TYPE_CHECKING:
     from ..bag import BagReader
@@ -19,9 +20,10 @@ if TYPE_CHECKING:
     from ..replay.replay import Plan
     from ..science.unit import TireWheelUnit
 
-__all__ = ["add_arguments", "errors_file", "read", "run", "statements", "yaml_of"]
+__all__ = ["add_arguments", "errors_file", "prior_widths", "read", "run", "statements", "yaml_of"]
 
 LONGEST = 600.0  # [s] that are fitted: a minute or two of work
+_LARGEST = 8 * 2**20  # bytes of a file of errors
 LARGE = 0.3  # a standard error that is worth a word
 TIED = 0.95  # a correlation that is
 MOST_FORCE = 1e9  # [N] that was measured; beyond, a sensor has failed
@@ -72,7 +74,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the load between its samples: a smooth curve, lines, or held as the node does (smooth)",
     )
     parser.add_argument(
-        "--prior-width", metavar="W", type=float, default=0.5, help="of the priors, in the logarithm (0.5)"
+        "--prior-width",
+        metavar="W",
+        type=float,
+        default=0.5,
+        help="of the priors, in the logarithm (0.5); those that import-tir --estimate wrote beside --start come first",
     )
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else that of --start")
     parser.add_argument("--from", dest="begin", metavar="S", type=float, default=0.0, help="leave out what is before")
@@ -138,7 +144,7 @@ def run(options: argparse.Namespace) -> int:
             tuple(name.strip() for name in options.fit.split(",") if name.strip()),
             axes=options.axes,
             joined=options.between,
-            prior_width=options.prior_width,
+            prior_width=prior_widths(options, is_tir),
             model=options.model or how.values["model"],
         )
     except (ArithmeticError, ValueError) as error:
@@ -166,16 +172,49 @@ def _start(options: argparse.Namespace, how: Plan, is_tir: bool) -> TireWheelUni
         return unit_of(how.values)
     if options.wheel_mass is None or options.suspension_stiffness is None:
         raise InputError(f"{options.start}: no .tir has them; give --wheel-mass and --suspension-stiffness")
-    from ..science.unit import TireWheelUnit
+    from ..files.tir_unit import unit_from_tir
 
     try:
-        return TireWheelUnit.from_tir(
+        made = unit_from_tir(
             options.start, wheel_mass=options.wheel_mass, suspension_stiffness=options.suspension_stiffness
         )
+        for doubt in made.doubts:
+            print(printable(f"{options.start}: {doubt}"), file=sys.stderr)
+        return made.unit
     except OSError as error:
         raise InputError(f"{options.start}: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(str(error)) from None
+
+
+def prior_widths(options: argparse.Namespace, is_tir: bool) -> float | dict[str, float]:
+    """Of the priors, by name where the unit to begin with is estimated: ``import-tir`` wrote its errors beside it.
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        ``start``, ``fit`` and ``prior_width`` are read.
+    is_tir : bool
+        Whether ``start`` is a tire property file.
+
+    Raises
+    ------
+    InputError
+        What is beside it is no file of errors.
+    """
+    beside = errors_file(Path(options.start)) if options.start and not is_tir else None
+    if beside is None or not beside.is_file():
+        return float(options.prior_width)
+    try:
+        if beside.stat().st_size > _LARGEST:
+            raise ValueError
+        content = json.loads(beside.read_text(encoding="utf-8"))
+        widths = {str(name): float(width) for name, width in content.get("prior_widths", {}).items()}
+        if not all(0.0 < width < math.inf for width in widths.values()):
+            raise ValueError
+    except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        raise InputError(f"{beside}: is no file of errors, as import-tir or identify write one") from None
+    return {**{name.strip(): float(options.prior_width) for name in options.fit.split(",")}, **widths}
 
 
 # -- the bag ------------------------------------------------------------------------------------------------------
@@ -426,7 +465,7 @@ def _content(found: Identification) -> dict[str, Any]:
         "relative_errors": found.errors.tolist(),
         "relative_errors_without_prior": found.from_data.tolist(),
         "correlation": found.correlation.tolist(),
-        "prior_width": found.prior_width,
+        "prior_width": found.prior_width.tolist(),
         "of_the_prior": list(found.priors),
         "at_bound": list(found.at_bound),
         "delay_s": found.delay,

@@ -338,6 +338,11 @@ def _declare(commands: _Commands) -> None:
                 " --load imu.csv --load-columns az --load-unit m/s^2 --corner-mass 380 -o drive",
                 "a load estimated from an accelerometer",
             ),
+            (
+                'import --speed log.csv --speed-columns "left=Wheel Speed FL" --rolling-radius 0.31'
+                ' --load log.csv --load-columns "left=Tyre Load FL" -o drive --forces forces --config tire.yaml',
+                "a logger's export, units as it says, and on to forces",
+            ),
         ),
     )
     csv_import.add_arguments(command)
@@ -409,6 +414,11 @@ def _declare(commands: _Commands) -> None:
                 "import-tir tire.tir -o unit.yaml --wheel-mass 12 --suspension-stiffness 3.2e4"
                 " --set sidewall_damping=reaction --set zeta_s=0.3",
                 "for a vehicle",
+            ),
+            (
+                "import-tir pac2002.tir -o unit.yaml --wheel-mass 12 --suspension-stiffness 3.2e4 --estimate"
+                " --key MASS=9.8",
+                "a file without a rigid ring, by rules, its mass known",
             ),
         ),
     )
@@ -531,14 +541,25 @@ def _recover(options: argparse.Namespace) -> int:
     return run(options)
 
 
+def _say_if_slow() -> None:
+    """One line where the core runs interpreted, for what takes much longer then."""
+    from ..build_state import how_to_compile, is_compiled
+
+    if not is_compiled():
+        print(f"tire-dynamics: {how_to_compile()}", file=sys.stderr)
+
+
 def _replay(options: argparse.Namespace) -> int:
     if len(options.input) > 1 or options.jobs is not None or options.scheduler is not None:
         from . import batch
+
+        _say_if_slow()
 
         return UNUSABLE if batch.run(options) else 0
     from ..replay.replay import remaps_of, replay
     from .answer import answer
 
+    _say_if_slow()
     [source] = options.input
     summary = replay(
         source,

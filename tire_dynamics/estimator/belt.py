@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from ..science.elementary import cos_sin
 from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
+from .settings import check_wheel
 
 try:
     import cython
@@ -42,11 +43,11 @@ def ring_angles(samples: int) -> FloatArray:
     return 2.0 * math.pi * np.arange(samples) / samples
 
 
-def belt_numbers(n_max: int, model: Model) -> NDArray[np.int64]:
+def belt_numbers(n_max: SupportsIndex, model: Model) -> NDArray[np.int64]:
     """The wavenumbers beside n = 1: 2..n_max, and 0 where the ring can stretch."""
     if not isinstance(n_max, Integral) or n_max < 2:
         raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 2")
-    numbers = np.arange(2, n_max + 1)
+    numbers = np.arange(2, int(n_max) + 1)
     return np.concatenate([[0], numbers]) if model == "complete" else numbers
 
 
@@ -121,7 +122,7 @@ class BeltMotion:
     # real and imaginary parts in rows of their own. For K = 2 the layouts are those of mode_eigensystem; for K = 4,
     # right and left have a row for each element of the state x = (V_1, V_2, Z_1, Z_2).
 
-    def __init__(self, unit: TireWheelUnit, model: Model, n_max: int, wheels: int, psi: ArrayLike) -> None:
+    def __init__(self, unit: TireWheelUnit, model: Model, n_max: SupportsIndex, wheels: int, psi: ArrayLike) -> None:
         numbers = belt_numbers(n_max, model)
         basis = shape_basis(psi, numbers)
         self.wheels, self.points = wheels, basis.shape[1]
@@ -157,7 +158,7 @@ class BeltMotion:
         """Change the tires from now on. Positions and velocities go on as they are."""
         if unit == self.modes.unit:
             return
-        states = [self.state_of(wheel) for wheel in range(self.wheels)]
+        states = [self._state_now(wheel) for wheel in range(self.wheels)]
         self._set_modes(RingModes(unit, self.modes.numbers, self.modes.model))
         for wheel, state in enumerate(states):
             self.waiting[wheel] = 0
@@ -166,25 +167,26 @@ class BeltMotion:
 
     def reset(self, index: int) -> None:
         """Be at rest."""
+        check_wheel(index, self.wheels)
         self.waiting[index] = 0
         self._eigensystem(index, 0.0)
-        self._put(index, np.zeros((self.N, self.K), dtype=np.complex128))
+        self._put(index, np.zeros((2, self.N, self.K)))
 
     def start(self, index: int, speed: float, load: float, traction: float) -> None:
         """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
+        check_wheel(index, self.wheels)
         self.waiting[index] = 0
         if speed != self.speed[index]:
             self._eigensystem(index, speed)
         first, M = 4 * index * self.M, self.M
         steady = np.array(self.steady[first : first + 4 * M]).reshape(4, M)
         radial, tangential = -load, -traction
-        own = (steady[0] * radial + steady[2] * tangential) + 1j * (steady[1] * radial + steady[3] * tangential)
-        self._put(index, own.reshape(self.N, self.K))
+        self._put(index, steady[:2] * radial + steady[2:] * tangential)
 
-    def _put(self, wheel: int, own: NDArray[np.complex128]) -> None:
-        first, M = 2 * wheel * self.M, self.M
-        for k, value in enumerate(own.reshape(-1).tolist()):
-            self.own[first + k], self.own[first + M + k] = value.real, value.imag
+    def _put(self, wheel: int, own: FloatArray) -> None:
+        """Coordinates, real and imaginary parts."""
+        for k, value in enumerate(own.reshape(-1).tolist(), 2 * wheel * self.M):
+            self.own[k] = value
 
     def _eigensystem(self, wheel: int, speed: float) -> None:
         self.speed[wheel] = speed
@@ -307,9 +309,10 @@ class BeltMotion:
                 )
 
     def _change_speed_complete(self, wheel: int, speed: float) -> None:
-        state = self.modes.change_speed(self._state(wheel), self.speed[wheel], speed)
+        real, imaginary = self._state(wheel)
+        state = self.modes.change_speed(real + 1j * imaginary, self.speed[wheel], speed)
         self._eigensystem(wheel, speed)
-        self._put(wheel, self._own(wheel, state))
+        self._put(wheel, self._own(wheel, np.stack([state.real, state.imag])))
 
     @cython.cfunc
     @cython.nogil
@@ -397,44 +400,56 @@ class BeltMotion:
 
     def advance(self, index: int, length: int, speed: float, load: float, traction: float = 0.0) -> None:
         """Go on by a length [ns] under a speed [rad/s], a load and a traction [N] that are held."""
+        check_wheel(index, self.wheels)
         self.hold(index, length, speed, load, traction)
 
     def deflection(self, index: int, motion: Motion) -> FloatArray:
         """Radial and tangential deflection relative to the wheel centre [m], shape (2, P), with the n = 1 motion."""
+        check_wheel(index, self.wheels)
         self.deflect(index, motion)
         return np.array(self.shape).reshape(2, -1)
 
     def state_of(self, index: int) -> NDArray[np.complex128]:
         """The state x of one belt now, shape (N, K): V, Z, or V_1, V_2, Z_1, Z_2."""
-        self.take(index)
-        M, own = self.M, np.array(self.own[2 * index * self.M : 2 * (index + 1) * self.M])
-        if self.waiting[index]:
-            self.interval(index, index * self.room, self.shown, 0)
-            own = np.array(self.shown)
-        return self._with_right(index, (own[:M] + 1j * own[M : 2 * M]).reshape(self.N, self.K))
+        check_wheel(index, self.wheels)
+        real, imaginary = self._state_now(index)
+        return real + 1j * imaginary
 
-    def _state(self, wheel: int) -> NDArray[np.complex128]:
-        own = np.array(self.own[2 * wheel * self.M : 2 * (wheel + 1) * self.M]).reshape(2, self.N, self.K)
-        return self._with_right(wheel, own[0] + 1j * own[1])
+    # Real and imaginary parts along the first axis: NumPy's own complex products may or may not be fused.
 
-    def _with_right(self, wheel: int, own: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        N, K, rows = self.N, self.K, 8 if self.complete else 2
-        right = np.array(self.right[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(rows, N, K)
-        columns = right[0::2] + 1j * right[1::2]  # (row of x, N, K)
-        if not self.complete:
-            columns = np.concatenate([columns, np.ones_like(columns)])
-        state: NDArray[np.complex128] = (columns * own).sum(axis=-1).T
-        return state
+    def _state_now(self, wheel: int) -> FloatArray:
+        """The state x, shape (2, N, K)."""
+        self.take(wheel)
+        if not self.waiting[wheel]:
+            return self._state(wheel)
+        self.interval(wheel, wheel * self.room, self.shown, 0)
+        return self._with_right(wheel, np.array(self.shown).reshape(2, self.N, self.K))
 
-    def _own(self, wheel: int, state: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        N, K, rows = self.N, self.K, 8 if self.complete else 4
-        left = np.array(self.left[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(rows, N, K)
-        columns = left[0::2] + 1j * left[1::2]  # (column, N, K)
-        own: NDArray[np.complex128] = (columns * state.T[:, :, None]).sum(axis=0)
-        return own
+    def _state(self, wheel: int) -> FloatArray:
+        """The same at the beginning of the interval."""
+        own = np.array(self.own[2 * wheel * self.M : 2 * (wheel + 1) * self.M])
+        return self._with_right(wheel, own.reshape(2, self.N, self.K))
+
+    def _with_right(self, wheel: int, own: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 2
+        right = np.array(self.right[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        elements = [_sum_of_products(row, own) for row in right]
+        if not self.complete:  # its last row is one
+            elements.append(_sum(own))
+        return np.stack(elements, axis=-1)
+
+    def _own(self, wheel: int, state: FloatArray) -> FloatArray:
+        rows = 8 if self.complete else 4
+        left = np.array(self.left[rows * wheel * self.M : rows * (wheel + 1) * self.M]).reshape(-1, 2, self.N, self.K)
+        products = [_product(column, state[..., k : k + 1]) for k, column in enumerate(left)]
+        total = products[0]
+        for product in products[1:]:
+            total = total + product
+        return total
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types."""
+        check_wheel(index, self.wheels)
         self.take(index)
         first, M = index * self.room, self.M
         own = np.array(self.own[2 * index * M : 2 * (index + 1) * M]).reshape(2, self.N, self.K)
@@ -447,13 +462,14 @@ class BeltMotion:
 
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
+        check_wheel(index, self.wheels)
         own = np.array(snapshot["own"], dtype=np.float64)
         expected = (2, self.N, self.K)
         if own.shape != expected:
             raise ValueError(f"the belt's state has shape {own.shape}; it must be {expected}")
         self.waiting[index] = 0
         self._eigensystem(index, float(snapshot["speed"]))
-        self._put(index, own[0] + 1j * own[1])
+        self._put(index, own)
         if snapshot["interval"] is not None:
             length, speed, load, traction = snapshot["interval"]
             self.hold(index, int(length), float(speed), float(load), float(traction))
@@ -461,3 +477,20 @@ class BeltMotion:
 
 def _zeros(count: int) -> memoryview:
     return np.zeros(count).data
+
+
+def _product(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Products of complex numbers by their parts, (2, ...)."""
+    return np.stack([a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]])
+
+
+def _sum(a: FloatArray) -> FloatArray:
+    """Sums over the last axis, in order."""
+    total = a[..., 0]
+    for k in range(1, a.shape[-1]):
+        total = total + a[..., k]
+    return total
+
+
+def _sum_of_products(a: FloatArray, b: FloatArray) -> FloatArray:
+    return _sum(_product(a, b))

@@ -91,11 +91,9 @@ def simulate(
 
     Notes
     -----
-    The step is exact for a speed, a load and a traction that are linear over it, for the n = 1 motion with the wheel,
-    and with it for the forces. For each other mode of the belt, n = 2..n_max, and n = 0 in the complete model, it is
-    exact at a constant speed; one that changes is held at its middle value, which errs with the square of the step.
-    The sum of all is the deflection. What turns with a tire that is not the same all around acts on n = 1 and the
-    wheel.
+    The step is exact for a speed, a load and a traction that are linear over it. That holds for the n = 1 motion with
+    the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum is the
+    deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():

@@ -1,68 +1,30 @@
-"""Units from MF-Tyre/MF-Swift property files (.tir): their rigid-ring block, and what it leaves open.
-
-A rigid ring on the sidewall is what the inextensional n = 1 mode is, and n = 0 of the complete model when the ring
-winds up. docs/model.md derives the relations and says what is assumed.
-"""
+"""MF-Tyre/MF-Swift property files (.tir) and their kin: sections, keys, and values in SI units."""
 
 from __future__ import annotations
 
-import math
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from os import PathLike
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, NamedTuple
 
-from ..science.unit import TURNING, TireWheelUnit
-
-__all__ = ["OPEN_FIELDS", "Entry", "Source", "TirUnit", "read_tir", "unit_from_tir"]
+__all__ = ["KEYS", "PRESSURES", "Entry", "TirFile", "read_tir"]
 
 _MAX_SIZE = 4 * 1024 * 1024  # bytes; such files take some ten thousand
 
-OPEN_FIELDS: Final = (
-    *("bending_stiffness", "membrane_stiffness", "width", "thickness", "inflation_pressure"),
-    *("zeta_s", "zeta_n", "contact_half_angle", "sidewall_damping"),
-    *("longitudinal_stiffness", "longitudinal_damping_ratio", "longitudinal_mass"),
-    *TURNING,
-)
-"""The fields that one may give beside the file: what it does not hold, or holds of another thing."""
-
 
 class Entry(NamedTuple):
-    """A value as it stands in the file, without comment and quotes, and the number of its line."""
+    """A value as it stands in the file, without comment and quotes, and the number of its line; 0 if it was given."""
 
     text: str
     line: int
-
-
-class Source(NamedTuple):
-    """Where a field comes from, and how."""
-
-    kind: Literal["file", "given", "assumed"]
-    reason: str
-
-
-class TirUnit(NamedTuple):
-    """What :func:`unit_from_tir` returns.
-
-    Attributes
-    ----------
-    unit : TireWheelUnit
-    sources : dict of str to Source
-        Of every field, in the fields' order.
-    notes : tuple of str
-        What else is worth knowing, one line each.
-    """
-
-    unit: TireWheelUnit
-    sources: dict[str, Source]
-    notes: tuple[str, ...]
 
 
 # -- the file -----------------------------------------------------------------------------------------------------
 
 _SECTION = re.compile(r"\[\s*([^\[\]]+?)\s*\]")
 _ENTRY = re.compile(r"([A-Za-z]\w*)\s*=\s*(.*)", re.DOTALL)
+_LOOSE = re.compile(r"([A-Za-z]\w*)(?:\s*:\s*|\s+)(\S.*)", re.DOTALL)  # KEY: VALUE, KEY VALUE
 _CODE = re.compile(r"""(?:[^$!'"]|'[^']*'|"[^"]*")*""")  # of a line, what stands before its comment
 
 
@@ -78,8 +40,9 @@ def read_tir(path: str | PathLike[str]) -> dict[str, dict[str, list[Entry]]]:
     Returns
     -------
     dict of str to dict of str to list of Entry
-        Names of sections and keys in capitals. A key has an entry for each time that it is given, so that it is for
-        the reader of a key to refuse it: files repeat some that nobody needs.
+        Names of sections and keys in capitals; what stands before the first section is in that of the empty name. A
+        key has an entry for each time that it is given, so that it is for the reader of a key to refuse it: files
+        repeat some that nobody needs.
 
     Raises
     ------
@@ -88,8 +51,14 @@ def read_tir(path: str | PathLike[str]) -> dict[str, dict[str, list[Entry]]]:
     ValueError
         It is no such file; the message names it.
     """
+    return _read(path)[0]
+
+
+def _read(path: str | PathLike[str]) -> tuple[dict[str, dict[str, list[Entry]]], dict[str, Entry]]:
+    """Sections, and of the keys of ``KEYS`` the lines that have no equals sign, whole."""
     sections: dict[str, dict[str, list[Entry]]] = {}
-    section: dict[str, list[Entry]] | None = None
+    loose: dict[str, Entry] = {}
+    name = ""
     lines = enumerate(re.split(r"\r\n|\r|\n", _text(path)), 1)  # splitlines() would cut at letters of Latin-1
     for number, line in lines:
         code = _code(line)
@@ -99,15 +68,22 @@ def read_tir(path: str | PathLike[str]) -> dict[str, dict[str, list[Entry]]]:
             header = _SECTION.fullmatch(code)
             if header is None:
                 raise ValueError(f"{path}: line {number} is {code[:80]!r}; a section must be [NAME]")
-            section = sections.setdefault(header[1].upper(), {})
-        elif section is not None and (entry := _ENTRY.fullmatch(code)):
-            section.setdefault(entry[1].upper(), []).append(Entry(_unquoted(entry[2]), number))
-    if not any(sections.values()):
-        raise ValueError(f"{path} is no tire property file; it has no [SECTION] with lines of KEY = value")
+            name = header[1].upper()
+            sections.setdefault(name, {})
+        elif entry := _ENTRY.fullmatch(code):
+            sections.setdefault(name, {}).setdefault(entry[1].upper(), []).append(Entry(_unquoted(entry[2]), number))
+        elif (entry := _LOOSE.fullmatch(code)) and entry[1].upper() in KEYS:
+            loose.setdefault(entry[1].upper(), Entry(code, number))
+    known = any(key in KEYS for key in sections.get("", {}))
+    if not known and not any(keys for name, keys in sections.items() if name):
+        such = [f"; line {entry.line} is {entry.text[:40]!r}" for entry in loose.values()][:1]
+        raise ValueError(
+            f"{path} is no tire property file; it has no [SECTION] with lines of KEY = value{''.join(such)}"
+        )
     kind = [entry.text for name in _HEADERS for entry in sections.get(name, {}).get("FILE_TYPE", [])]
     if kind and kind[0].lower() != "tir":
         raise ValueError(f"{path}: FILE_TYPE is {kind[0][:80]!r}; it must be 'tir'")
-    return sections
+    return sections, loose
 
 
 def _text(path: str | PathLike[str]) -> str:
@@ -143,43 +119,68 @@ def _unquoted(text: str) -> str:
 
 _HEADERS = ("MDI_HEADER", "HEADER")
 _POUND, _INCH, _G = 0.45359237, 0.0254, 9.80665
+_PREFIXES = {
+    **{"kilo": 1e3, "mega": 1e6, "centi": 1e-2, "milli": 1e-3, "micro": 1e-6, "nano": 1e-9},
+    **{"k": 1e3, "c": 1e-2, "m": 1e-3, "u": 1e-6, "n": 1e-9},
+}
+
+
+def _with_prefixes(unit: str, size: float, prefixes: str) -> dict[str, float]:
+    return {prefix + unit: size * _PREFIXES[prefix] for prefix in prefixes.split()}
+
+
+# The names that Adams documents for UNITS, those of MF-Tyre's manual, and how people abbreviate them: in the singular.
 _UNITS: Final[dict[str, dict[str, float]]] = {
     "LENGTH": {
-        **dict.fromkeys(("m", "meter", "meters", "metre", "metres"), 1.0),
-        **dict.fromkeys(("mm", "millimeter", "millimetre"), 1e-3),
-        **dict.fromkeys(("cm", "centimeter", "centimetre"), 1e-2),
-        **dict.fromkeys(("in", "inch", "inches"), _INCH),
+        **dict.fromkeys(("m", "meter", "metre"), 1.0),
+        **_with_prefixes("m", 1.0, "k c m u n"),
+        **_with_prefixes("meter", 1.0, "kilo centi milli micro nano"),
+        **_with_prefixes("metre", 1.0, "kilo centi milli micro nano"),
+        **dict.fromkeys(("in", "inch", "inche"), _INCH),
         **dict.fromkeys(("ft", "foot", "feet"), 12.0 * _INCH),
-        **{"km": 1e3, "mile": 5280.0 * 12.0 * _INCH},
+        **dict.fromkeys(("mil", "microinch", "microinche"), 1e-3 * _INCH),
+        **{"yard": 36.0 * _INCH, "mile": 5280.0 * 12.0 * _INCH, "angstrom": 1e-10},
     },
     "MASS": {
-        **dict.fromkeys(("kg", "kilogram", "kilograms"), 1.0),
-        **dict.fromkeys(("g", "gram", "grams"), 1e-3),
-        **dict.fromkeys(("tonne", "megagram"), 1e3),
+        **dict.fromkeys(("kg", "kilogram"), 1.0),
+        **dict.fromkeys(("g", "gram", "gramme"), 1e-3),
+        **_with_prefixes("g", 1e-3, "m u n"),
+        **_with_prefixes("gram", 1e-3, "milli micro nano mega"),
+        **dict.fromkeys(("tonne", "ton", "metric_ton"), 1e3),
         **dict.fromkeys(("pound_mass", "lbm", "lb", "pound"), _POUND),
-        **{"kpound_mass": 1e3 * _POUND, "ounce_mass": _POUND / 16.0},
+        **dict.fromkeys(("ounce_mass", "oz"), _POUND / 16.0),
+        **{"kpound_mass": 1e3 * _POUND, "us_ton": 2e3 * _POUND},
         **{"slug": _POUND * _G / (12.0 * _INCH), "slinch": _POUND * _G / _INCH},
     },
     "FORCE": {
-        **dict.fromkeys(("n", "newton", "newtons"), 1.0),
-        **dict.fromkeys(("kn", "knewton", "kilonewton"), 1e3),
-        **dict.fromkeys(("kg_force", "kgf"), _G),
-        **dict.fromkeys(("pound_force", "lbf"), _POUND * _G),
-        **{"kpound_force": 1e3 * _POUND * _G, "ounce_force": _POUND * _G / 16.0, "dyne": 1e-5},
+        **dict.fromkeys(("n", "newton"), 1.0),
+        **_with_prefixes("n", 1.0, "k m u c"),
+        **_with_prefixes("newton", 1.0, "k kilo mega centi milli micro nano"),
+        **dict.fromkeys(("kg_force", "kilogram_force", "kgf", "kg_f", "kilopond", "kp"), _G),
+        **dict.fromkeys(("pound_force", "lbf", "lb_force", "lb_f"), _POUND * _G),
+        **dict.fromkeys(("kpound_force", "kip", "klbf"), 1e3 * _POUND * _G),
+        **dict.fromkeys(("ounce_force", "ozf"), _POUND * _G / 16.0),
+        **{"dyne": 1e-5, "poundal": _POUND * 12.0 * _INCH},
     },
     "TIME": {
-        **dict.fromkeys(("s", "sec", "second", "seconds"), 1.0),
-        **dict.fromkeys(("ms", "millisecond", "milliseconds"), 1e-3),
-        **dict.fromkeys(("min", "minute", "minutes"), 60.0),
-        **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+        **dict.fromkeys(("s", "sec", "second"), 1.0),
+        **_with_prefixes("s", 1.0, "m u n"),
+        **_with_prefixes("sec", 1.0, "m milli micro nano"),
+        **_with_prefixes("second", 1.0, "milli micro nano"),
+        **dict.fromkeys(("milli",), 1e-3),
+        **dict.fromkeys(("min", "minute"), 60.0),
+        **dict.fromkeys(("h", "hour", "hr"), 3600.0),
+        **{"day": 86400.0},
     },
     "PRESSURE": {
-        **dict.fromkeys(("pa", "pascal"), 1.0),
-        **dict.fromkeys(("kpa", "kilopascal"), 1e3),
-        **dict.fromkeys(("mpa", "megapascal"), 1e6),
-        **{"bar": 1e5, "psi": _POUND * _G / _INCH**2},
+        **dict.fromkeys(("pa", "pascal", "newton/meter^2", "n/m^2", "newton/m^2"), 1.0),
+        **dict.fromkeys(("mpa", "megapascal", "newton/mm^2", "n/mm^2"), 1e6),
+        **dict.fromkeys(("psi", "pound_force/inch^2", "lbf/in^2"), _POUND * _G / _INCH**2),
+        **{"kpa": 1e3, "kilopascal": 1e3, "bar": 1e5, "mbar": 1e2, "millibar": 1e2, "hpa": 1e2, "atm": 101325.0},
     },
 }
+_UNITS["LENGTH"]["microinch"] = _UNITS["LENGTH"]["microinche"] = 1e-6 * _INCH
+_BY_CASE = {"Mg": 1e3, "MN": 1e6}  # a milligram and a millinewton in small letters
 
 
 class _Key(NamedTuple):
@@ -192,7 +193,10 @@ class _Key(NamedTuple):
     high: float
 
 
-_KEYS: Final = {
+PRESSURES: Final = ("INFLPRES", "IP", "NOMPRES", "IP_NOM")
+"""The keys of an inflation pressure, the first that is there counts."""
+
+KEYS: Final[Mapping[str, _Key]] = {
     "BELT_MASS": _Key("", "mass", "kg", 0.05, 5000.0),
     "BELT_IYY": _Key("", "inertia", "kg m^2", 1e-4, 2e4),
     "FREQ_LONG": _Key("", "frequency", "Hz", 1.0, 1000.0),
@@ -200,208 +204,173 @@ _KEYS: Final = {
     "DAMP_LONG": _Key("", "ratio", "", 0.0, 1.0),
     "WIDTH": _Key("DIMENSION", "length", "m", 0.01, 2.0),
     "UNLOADED_RADIUS": _Key("DIMENSION", "length", "m", 0.05, 3.0),
+    "RIM_RADIUS": _Key("DIMENSION", "length", "m", 0.02, 2.0),
+    "ASPECT_RATIO": _Key("DIMENSION", "ratio", "", 0.05, 2.0),
     "MASS": _Key("INERTIA", "mass", "kg", 0.05, 1e4),
-    **dict.fromkeys(("INFLPRES", "IP", "NOMPRES", "IP_NOM"), _Key("", "pressure", "Pa", 1e4, 5e6)),
+    "IYY": _Key("INERTIA", "inertia", "kg m^2", 1e-4, 5e4),
+    "VERTICAL_STIFFNESS": _Key("", "stiffness", "N/m", 1e3, 1e8),
+    **dict.fromkeys(PRESSURES, _Key("", "pressure", "Pa", 1e4, 5e6)),
 }
+"""The keys that are read: their values can be given in place of the file's."""
+
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][-+]?\d+)?", re.ASCII)  # Fortran writes 1.0D+00
-_RADIUS = (0.05, 2.5)  # [m]
+_LIKELY_PRESSURE = (5e4, 1.2e6)  # [Pa], of tires
+_KINDS = ("PROPERTY_FILE_FORMAT", "FITTYP")
 
 
-class _File:
-    """A file's values by their keys, in SI units; every complaint names the file, the key and the line."""
-
-    def __init__(self, path: str | PathLike[str]) -> None:
-        self.path = path
-        self.sections = read_tir(path)
-        self.without_unit: list[str] = []
-        length, mass, force, time = (self._unit(name, 1.0) for name in ("LENGTH", "MASS", "FORCE", "TIME"))
-        self.factors = {
-            "length": length,
-            "mass": mass,
-            "inertia": mass * length**2,
-            "frequency": 1.0 / time,
-            "pressure": self._unit("PRESSURE", force / length**2),
-            "ratio": 1.0,
-        }
-
-    def number(self, key: str) -> float | None:
-        """The value of a key of ``_KEYS`` in SI units, or None if it is not there."""
-        place = _KEYS[key]
-        entry = self._entry(key, [place.section] if place.section else set(self.sections) - {"UNITS", *_HEADERS})
-        if entry is None:
-            return None
-        if not _NUMBER.fullmatch(entry.text):
-            raise ValueError(f"{self._named(key, entry)}; it must be a number")
-        value = float(re.sub("[dD]", "e", entry.text)) * self.factors[place.quantity]
-        value = float(f"{value:.15g}")  # 205 mm are 0.205 m
-        below = value < place.high if key == "DAMP_LONG" else value <= place.high
-        if not (place.low <= value and below):
-            converted = "" if self.factors[place.quantity] == 1.0 else f", {value:g} {place.unit}"
-            bounds = "in [0, 1)" if key == "DAMP_LONG" else f"from {place.low:g} to {place.high:g} {place.unit}"
-            raise ValueError(f"{self._named(key, entry)}{converted}; it must be {bounds}")
-        return value
-
-    def needed(self, key: str) -> float:
-        """The same of a key that must be there."""
-        value = self.number(key)
-        if value is None:
-            raise ValueError(f"{self.path}: {key} is missing; the rigid ring of MF-Swift needs {', '.join(_NEEDED)}")
-        return value
-
-    def _unit(self, name: str, default: float) -> float:
-        entry = self._entry(name, ["UNITS"]) or self._entry(name, _HEADERS)
-        if entry is None:
-            if name != "PRESSURE":
-                self.without_unit.append(name)
-            return default
-        known = _UNITS[name]
-        factor = known.get(entry.text.lower())
-        if factor is None:
-            raise ValueError(f"{self._named(name, entry)}; it must be one of {', '.join(known)}")
-        return factor
-
-    def _entry(self, key: str, sections: Iterable[str]) -> Entry | None:
-        entries = sorted(
-            (entry for name in sections for entry in self.sections.get(name, {}).get(key, [])),
-            key=lambda entry: entry.line,
-        )
-        if len(entries) > 1:
-            raise ValueError(f"{self.path}: {key} is given twice, in lines {entries[0].line} and {entries[1].line}")
-        return entries[0] if entries else None
-
-    def _named(self, key: str, entry: Entry) -> str:
-        return f"{self.path}: {key} is {entry.text[:80]!r} in line {entry.line}"
-
-
-# -- the unit -----------------------------------------------------------------------------------------------------
-
-_NEEDED = ("BELT_MASS", "BELT_IYY", "FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG")
-_TABLE_1 = TireWheelUnit.table_1()
-
-
-def unit_from_tir(
-    path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
-) -> TirUnit:
-    """A unit with the rigid ring of a property file, and where each of its fields comes from.
+class TirFile:
+    """A file's values by their keys, in SI units; every complaint names the file, the key and the line.
 
     Parameters
     ----------
     path : path
-        As of :func:`read_tir`. Of its numbers, BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP and DAMP_LONG are needed,
-        WIDTH and the inflation pressure (INFLPRES, else IP, NOMPRES or IP_NOM) are used where they are.
-    wheel_mass : float
-        What moves with the wheel, without the belt, M [kg]: no property file knows it.
-    suspension_stiffness : float
-        k_s [N/m]; nor this.
-    **fields
-        Any of ``OPEN_FIELDS``, in place of what is assumed.
-
-    Returns
-    -------
-    TirUnit
+    keys : mapping of str to object, optional
+        Values in place of the file's, in the file's units.
 
     Raises
     ------
     OSError
         The file cannot be read.
     ValueError
-        It is no property file, or a value is missing, given twice or out of bounds: one line with the file, the key,
-        the value and the bound. Or a field cannot be given, or is out of bounds.
+        It is no property file, a unit is unknown, or a key cannot be given.
 
-    Notes
-    -----
-    a = sqrt(BELT_IYY/BELT_MASS), m = BELT_MASS, k_1 = BELT_MASS (2 pi FREQ_LONG)^2 = pi a b (k_z + k_theta),
-    BELT_IYY (2 pi FREQ_WINDUP)^2 = 2 pi a^3 b k_theta, zeta_1 = DAMP_LONG.
+    Attributes
+    ----------
+    path : path
+    kind : str
+        What the file says it is, in words.
+    without_unit : list of str
+        The base quantities whose unit it does not say.
+    given : frozenset of str
+        The keys that were given.
     """
-    file = _File(path)
-    mass, inertia, long, windup, damping = map(file.needed, _NEEDED)
-    a = math.sqrt(inertia / mass)
-    if not _RADIUS[0] <= a <= _RADIUS[1]:
-        raise ValueError(
-            f"{path}: sqrt(BELT_IYY/BELT_MASS), the radius, is {a:g} m; it must be from {_RADIUS[0]} to {_RADIUS[1]} m"
+
+    def __init__(self, path: str | PathLike[str], keys: Mapping[str, Any] | None = None) -> None:
+        self.path = path
+        self._sections, self._loose = _read(path)
+        self._given = {name.upper(): Entry(str(value).strip(), 0) for name, value in (keys or {}).items()}
+        for name in self._given:
+            if name not in KEYS:
+                raise ValueError(f"key {name[:80]!r} cannot be given; those that are read are {', '.join(KEYS)}")
+        self.given = frozenset(self._given)
+        self.without_unit: list[str] = []
+        length, mass, force, time = (self._unit(name, 1.0) for name in ("LENGTH", "MASS", "FORCE", "TIME"))
+        self._factors = {
+            "length": length,
+            "mass": mass,
+            "inertia": mass * length**2,
+            "frequency": 1.0 / time,
+            "stiffness": force / length,
+            "pressure": self._unit("PRESSURE", force / length**2),
+            "ratio": 1.0,
+        }
+
+    @property
+    def kind(self) -> str:
+        """What the file says it is: its format and the number of its formula."""
+        said = []
+        for key in _KINDS:
+            entries = [entry for keys in self._sections.values() for entry in keys.get(key, []) if entry.text]
+            said += [f"{key} = {entries[0].text[:40]}"] if entries else []
+        return f"a file with {' and '.join(said)}" if said else "a file that does not say its format"
+
+    def number(self, key: str) -> float | None:
+        """The value of one of ``KEYS`` in SI units; None if it is not there, blank, or 0 where that means nothing."""
+        place = KEYS[key]
+        entry = self._entry(key, [place.section, ""] if place.section else set(self._sections) - {"UNITS", *_HEADERS})
+        if entry is None:
+            return None
+        if not _NUMBER.fullmatch(entry.text):
+            raise ValueError(f"{self._named(key, entry)}; it must be a number")
+        plain = float(re.sub("[dD]", "e", entry.text))
+        if plain == 0.0 and key != "DAMP_LONG":
+            return None
+        value = float(f"{plain * self._factors[place.quantity]:.15g}")  # 205 mm are 0.205 m
+        below = value < place.high if key == "DAMP_LONG" else value <= place.high
+        if not (place.low <= value and below):
+            converted = "" if self._factors[place.quantity] == 1.0 else f", {value:g} {place.unit}"
+            bounds = "in [0, 1)" if key == "DAMP_LONG" else f"from {place.low:g} to {place.high:g} {place.unit}"
+            raise ValueError(f"{self._named(key, entry)}{converted}; it must be {bounds}{self._other_unit(key, plain)}")
+        return value
+
+    def usable(self, key: str) -> float | None:
+        """The same; None also of a value that cannot be used."""
+        try:
+            return self.number(key)
+        except ValueError:
+            return None
+
+    def pressure_doubt(self, key: str) -> str | None:
+        """What is odd about a pressure that is within bounds, if something is."""
+        value = self.number(key)
+        if value is None or _LIKELY_PRESSURE[0] <= value <= _LIKELY_PRESSURE[1]:
+            return None
+        return f"{key} is {value / 1e5:g} bar{self._other_unit(key, value / self._factors['pressure'])}"
+
+    def _other_unit(self, key: str, plain: float) -> str:
+        """In which unit a pressure would be a tire's, and what it is in the file's."""
+        if KEYS[key].quantity != "pressure":
+            return ""
+        for unit in ("bar", "kpa", "psi", "pa"):
+            if _LIKELY_PRESSURE[0] <= (pascal := plain * _UNITS["PRESSURE"][unit]) <= _LIKELY_PRESSURE[1]:
+                name = {"kpa": "kPa", "pa": "Pa"}.get(unit, unit)
+                return f"; {plain:g} {name} would be {key} = {pascal / self._factors['pressure']:g} in the file's unit"
+        return ""
+
+    def absent(self, key: str) -> str:
+        """A key that has no value, with what stands in its place."""
+        if key in self._loose:
+            entry = self._loose[key]
+            return f"{key} (line {entry.line} is {entry.text[:40]!r}; it must be {key} = value)"
+        entries = [entry for keys in self._sections.values() for entry in keys.get(key, [])]
+        if entries and not self._given.get(key):
+            return f"{key} ({'blank' if not entries[0].text else entries[0].text[:20]} in line {entries[0].line})"
+        return key
+
+    def passed_over(self) -> Iterator[str]:
+        """Of each key that has no value but a line without an equals sign, that line in words."""
+        for key, entry in self._loose.items():
+            if not any(keys.get(key) for keys in self._sections.values()) and key not in self._given:
+                yield f"line {entry.line} is {entry.text[:40]!r}, which is not read; it must be {key} = value"
+
+    def _unit(self, name: str, default: float) -> float:
+        entry = self._entry(name, ["UNITS"]) or self._entry(name, _HEADERS) or self._entry(name, [""], words=True)
+        if entry is None:
+            if name != "PRESSURE":
+                self.without_unit.append(name)
+            return default
+        known = _UNITS[name]
+        text = entry.text.lower()
+        factor = _BY_CASE.get(entry.text) if name in ("MASS", "FORCE") else None
+        factor = factor or known.get(text) or known.get(text.removesuffix("s"))
+        if factor is None:
+            raise ValueError(f"{self._named(name, entry)}; it must be one of {', '.join(known)}")
+        return factor
+
+    def _entry(self, key: str, sections: Iterable[str], *, words: bool = False) -> Entry | None:
+        """The entry of a key, which may be given more than once if it is the same; blank ones are none.
+
+        Of what stands before the first section, either ``words`` or the rest: MASS is a unit and a mass there.
+        """
+        if key in self._given and not words and key in KEYS and not set(sections) & {"UNITS", *_HEADERS}:
+            return self._given[key]
+        entries = sorted(
+            (
+                entry
+                for name in sections
+                for entry in self._sections.get(name, {}).get(key, [])
+                if entry.text and (name or words == (entry.text[:1].isalpha() and key in _UNITS))
+            ),
+            key=lambda entry: entry.line,
         )
-    free = file.number("UNLOADED_RADIUS")
-    if free is not None and a > free:
-        raise ValueError(
-            f"{path}: sqrt(BELT_IYY/BELT_MASS), the radius, is {a:g} m; it must be at most UNLOADED_RADIUS = {free:g} m"
-        )
-    k_1 = mass * (2.0 * math.pi * long) ** 2
-    k_theta = inertia * (2.0 * math.pi * windup) ** 2 / (2.0 * math.pi * a**3)  # times b, as k_z
-    k_z = k_1 / (math.pi * a) - k_theta
-    if not k_z > 0.0:
-        raise ValueError(
-            f"{path}: FREQ_WINDUP is {windup:g} Hz; it must be less than sqrt(2) FREQ_LONG = {2.0**0.5 * long:g} Hz, "
-            "lest k_z be negative"
-        )
-    _check_given(a, {"wheel_mass": wheel_mass, "suspension_stiffness": suspension_stiffness, **fields})
+        for entry in entries[1:]:
+            if entry.text.lower() != entries[0].text.lower():
+                raise ValueError(
+                    f"{self.path}: {key} is given twice, in lines {entries[0].line} and {entry.line}, as "
+                    f"{entries[0].text[:40]} and {entry.text[:40]}"
+                )
+        return entries[0] if entries else None
 
-    values: dict[str, Any] = {"wheel_mass": wheel_mass, "suspension_stiffness": suspension_stiffness, **fields}
-    sources = dict.fromkeys(values, Source("given", "given"))
-
-    def put(name: str, value: Any, kind: Literal["file", "assumed"], reason: str) -> None:
-        if name not in values:
-            values[name] = value
-            sources[name] = Source(kind, reason)
-
-    put("radius", a, "file", "sqrt(BELT_IYY/BELT_MASS)")
-    width = None if "width" in values else file.number("WIDTH")
-    if width is None:
-        put("width", a * _TABLE_1.width / _TABLE_1.radius, "assumed", "b/a as in Table 1, WIDTH being absent")
-    else:
-        put("width", width, "file", "WIDTH, the nominal section's, which a belt may be narrower than")
-    alike = "h/a as in Table 1; only rho h, K and D go into results"
-    put("thickness", a * _TABLE_1.thickness / _TABLE_1.radius, "assumed", alike)
-    b, h = values["width"], values["thickness"]
-    ratio = h / _TABLE_1.thickness
-    put("density", mass / (2.0 * math.pi * a * b * h), "file", "BELT_MASS/(2 pi a b h): the ring's mass is BELT_MASS")
-    put("membrane_stiffness", _TABLE_1.membrane_stiffness * ratio, "assumed", "the material of Table 1, K ~ h")
-    put("bending_stiffness", _TABLE_1.bending_stiffness * ratio**3, "assumed", "the material of Table 1, D ~ h^3")
-    put("radial_stiffness", k_z / b, "file", "BELT_MASS (2 pi FREQ_LONG)^2 = k_1 = pi a b (k_z + k_theta)")
-    put("tangential_stiffness", k_theta / b, "file", "BELT_IYY (2 pi FREQ_WINDUP)^2 = 2 pi a^3 b k_theta")
-    for key in () if "inflation_pressure" in values else ("INFLPRES", "IP", "NOMPRES", "IP_NOM"):
-        pressure = file.number(key)
-        if pressure is not None:
-            put("inflation_pressure", pressure, "file", key)
-            break
-    put("inflation_pressure", _TABLE_1.inflation_pressure, "assumed", "that of Table 1, INFLPRES being absent")
-    put("zeta_1", damping, "file", "DAMP_LONG")
-    put("zeta_s", _TABLE_1.zeta_s, "assumed", "the default; a tire's file knows no suspension")
-    put("zeta_n", _TABLE_1.zeta_n, "assumed", "the default; a rigid ring has no other modes")
-    put("contact_half_angle", _TABLE_1.contact_half_angle, "assumed", "the default, a point load")
-    by_default = "the paper's; 'reaction' is how MF-Swift damps, and better for a vehicle"
-    put("sidewall_damping", _TABLE_1.sidewall_damping, "assumed", by_default)
-    put("longitudinal_stiffness", _TABLE_1.longitudinal_stiffness, "assumed", "the default, a wheel that is held")
-    put("longitudinal_damping_ratio", _TABLE_1.longitudinal_damping_ratio, "assumed", "the default")
-    put("longitudinal_mass", _TABLE_1.longitudinal_mass, "assumed", "the default, wheel_mass")
-    for name in TURNING:
-        put(name, getattr(_TABLE_1, name), "assumed", "the default, a tire that is the same all around")
-
-    names = list(_TABLE_1.to_mapping())
-    try:
-        unit = TireWheelUnit.from_mapping({name: values[name] for name in names})
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    return TirUnit(unit, {name: sources[name] for name in names}, tuple(_notes(file, mass)))
-
-
-def _check_given(radius: float, given: Mapping[str, Any]) -> None:
-    """What is given must be open, and a field of its own right."""
-    for name in given:
-        if name in _TABLE_1.to_mapping() and name not in (*OPEN_FIELDS, "wheel_mass", "suspension_stiffness"):
-            raise ValueError(f"{name} cannot be given; the file says it. Fields that can are {', '.join(OPEN_FIELDS)}")
-    checked = _TABLE_1.replace(**{"radius": radius, "thickness": 1e-3 * radius, **given})
-    for name, low, high in (("width", 1e-3, 1e1), ("thickness", 1e-6, 1e1)):  # beyond them products leave the doubles
-        value = getattr(checked, name)
-        if name in given and not low <= value <= high:
-            raise ValueError(f"{name} is {value!r}; it must be from {low:g} to {high:g} m")
-
-
-def _notes(file: _File, belt: float) -> Iterator[str]:
-    if file.without_unit:
-        yield f"[UNITS] does not say {', '.join(file.without_unit)}; SI units are assumed"
-    try:
-        whole = file.number("MASS")
-    except ValueError:  # nothing hangs on it, and some leave a 0 there
-        return
-    if whole is not None and whole >= belt:
-        yield f"the tire is {whole:g} kg, of which {whole - belt:g} kg beside the belt belong to the wheel's mass"
+    def _named(self, key: str, entry: Entry) -> str:
+        where = f" in line {entry.line}" if entry.line else ", as given"
+        return f"{self.path}: {key} is {entry.text[:80]!r}{where}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import os
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import Any, Literal
 from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
-from ..science.unit import HARMONICS, TireWheelUnit
+from ..science.unit import HARMONICS, ROAD, TireWheelUnit
 
 __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
 
@@ -100,6 +101,9 @@ _TIRE_UNITS = {
     "imbalance_mass": "a mass on the belt that is too much [kg]",
     "imbalance_angle": "where on the tire it is [rad]",
     "radial_runout": "how much farther out the tread is: harmonic, amplitude [m] and angle [rad] of each harmonic",
+    "vertical_stiffness": "of the whole tire on the road, wheel held, K_v [N/m]; 0: a rigid tread",
+    "residual_damping": "damper beside the tread's residual spring, c_c [N s/m]",
+    "sprung_mass": "what stands on this wheel's suspension on the road [kg]; 0: the body is held",
     "contact_stiffness": "by which run-out changes the load [N/m]; 0: the tire's own at rest",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
@@ -111,7 +115,7 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
         if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"):
+        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", *ROAD):
             row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
         elif name == "imbalance_angle":
             row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
@@ -273,6 +277,8 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
+        raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
         content = read_yaml(path)
     except OSError as error:

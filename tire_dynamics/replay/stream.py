@@ -196,12 +196,16 @@ class MessageStream:
 
     def malformed_of(self, number: int) -> int:
         """How many messages of an input were not what their type says; each was left out whole."""
+        if not 0 <= number < len(self.inputs):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
         return int(self.malformed_counts[number])
 
     # -- in -------------------------------------------------------------------------------------------------
 
     def receive(self, number: int, received: int, data: bytes) -> None:
         """Take a serialised message of an input at its time of receipt [ns]."""
+        if not 0 <= number < len(self.inputs):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
         self.take(number, received, data, 0, len(data))
 
     @cython.cfunc

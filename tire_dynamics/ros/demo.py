@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..bag import BagReader
+from ..build_state import how_to_compile, is_compiled
 from ..cdr.messages import JointStateDecoder, decode_wrench
 from ..replay.parameters import NODE_NAME, complete, read_config
 from ..replay.replay import replay
@@ -61,7 +62,8 @@ def main() -> int:
 
 def rates(compiled: bool) -> list[str]:
     """The ROS arguments for rates that the node can keep: none where its loops are compiled, the file's hold there."""
-    return [] if compiled else ["-p", "rate_hz:=50.0", "-p", "ring_rate_hz:=2.0"]
+    slower = ("rate_hz:=50.0", "ring_rate_hz:=2.0", "n_max:=6")
+    return [] if compiled else [part for each in slower for part in ("-p", each)]
 
 
 def _demonstrate(folder: Path) -> None:
@@ -69,7 +71,9 @@ def _demonstrate(folder: Path) -> None:
         raise _FailureError(f"{_BAG} is missing; this runs in a clone of the repository")
     folder.mkdir(parents=True)
     wheels = list(complete(read_config(_CONFIG))["wheels"])
-    slower = rates(compiled=True)
+    slower = rates(is_compiled())
+    if slower:
+        _say(how_to_compile())
     _say(f"1. A live node starts in a process of its own, with {_CONFIG.relative_to(_ROOT)} and a log.")
     arguments = ["--params-file", str(_CONFIG), "-p", f"log.directory:={folder / 'log'}", *slower]
     with _Process("node", "--ros-args", *arguments) as node, _Listener(wheels) as listener:
@@ -198,6 +202,7 @@ class _Listener:
         from lifecycle_msgs.srv import GetState
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
+        from rclpy.qos import qos_profile_sensor_data
         from sensor_msgs.msg import JointState
         from std_srvs.srv import Trigger
 
@@ -212,7 +217,7 @@ class _Listener:
             for wheel in wheels
         }
         self._first = self._latest = 0.0
-        self._node.create_subscription(JointState, "joint_states", self._note, 10)
+        self._node.create_subscription(JointState, "joint_states", self._note, qos_profile_sensor_data)
 
     def __enter__(self) -> _Listener:
         return self

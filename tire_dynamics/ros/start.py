@@ -6,6 +6,7 @@ import os
 import signal
 from collections.abc import Sequence
 
+from ..build_state import how_to_compile, is_compiled
 from ..files.errors import InputError, first_line
 
 __all__ = ["Stop", "start"]
@@ -88,6 +89,8 @@ def start(arguments: Sequence[str]) -> None:
         if leftover:
             raise InputError(f"{leftover[0]!r} is not an option; ROS arguments follow --ros-args")
         get_logger(_NAME).info(f"loading version {__version__}")
+        if not is_compiled():
+            get_logger(_NAME).warning(how_to_compile())
         from .node import run
 
         run(stop)

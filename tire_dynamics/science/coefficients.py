@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal, NamedTuple
+import math
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .unit import TireWheelUnit
+from .elementary import cos_sin
+
+if TYPE_CHECKING:
+    from .unit import TireWheelUnit
 
 __all__ = [
     "Coefficients",
     "Model",
     "coefficients",
     "constants",
+    "contact_patch_factor",
     "formula",
     "mode_damping",
+    "residual_stiffness",
     "rest_frequency",
     "speed_polynomials",
+    "static_compliance",
     "twist",
 ]
 
@@ -117,3 +124,87 @@ def mode_damping(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensiona
     number = np.asarray(n)
     zeta = np.where(number == 1, unit.zeta_1, unit.zeta_n)
     return np.asarray(2.0 * zeta * rest_frequency(unit, number, model))
+
+
+def contact_patch_factor(unit: TireWheelUnit, n: ArrayLike) -> FloatArray:
+    """s_n = sin(n phi_c)/(n sin phi_c): what harmonic n feels of a contact force that is spread over the patch.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+        Its ``contact_half_angle`` is phi_c; 0 is a point, for which every factor is 1.
+    n : array_like of int
+        Circumferential wavenumbers, >= 0.
+
+    Returns
+    -------
+    ndarray, the shape of n
+        With the same bits on every machine. s_1 = 1: a pressure that is even over the patch, and whose vertical
+        resultant is the load, drives n = 1 with the whole load. s_0 = phi_c/sin(phi_c). The mean over the patch of a
+        harmonic's displacement, weighed as the pressure is, has the same factor: the contact gives what it takes.
+    """
+    numbers = np.asarray(n, dtype=np.float64)
+    half = unit.contact_half_angle
+    if half == 0.0:
+        return np.ones_like(numbers)
+    zero = numbers == 0.0
+    sines = np.where(zero, half, cos_sin(numbers * half)[1])
+    factors: FloatArray = sines / np.where(zero, 1.0, numbers) / float(cos_sin(half)[1])
+    return np.where(numbers == 1.0, 1.0, factors)
+
+
+def static_compliance(unit: TireWheelUnit, n_max: int, model: Model = "inextensional") -> float:
+    """How far the contact gives way under 1 N, mean over the patch, at rest with the wheel held [m/N].
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n_max : int
+        Highest wavenumber, >= 1.
+    model : {"inextensional", "complete"}
+        Of the inextensional model 1/k_1 + sum_{n=2}^{n_max} s_n^2 C_n/(pi a b rho h (B_n C_n - A_n^2)), which has the
+        complete model's deflection by n >= 2, (4.5); the complete one has n = 0 and its own n = 1 beside.
+    """
+    mass = math.pi * unit.radius * unit.width * unit.surface_density
+    numbers = np.arange(0 if model == "complete" else 2, n_max + 1)
+    _, B, C, determinant = coefficients(unit, numbers)
+    factors = contact_patch_factor(unit, numbers)
+    each = factors * factors * C / (mass * determinant)
+    total = 0.0 if model == "complete" else 1.0 / unit.sidewall_stiffness
+    for k, n in enumerate(numbers.tolist()):  # in order, for the same bits everywhere
+        total += float(each[k]) if n else float(factors[0] * factors[0]) / (2.0 * mass * float(B[0]))
+    return total
+
+
+def residual_stiffness(unit: TireWheelUnit, n_max: int = 30, model: Model = "inextensional") -> float:
+    """Stiffness of the residual spring between belt and road, k_c [N/m].
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n_max : int
+        Highest wavenumber of the belt, >= 1; what higher ones would give way is in this spring.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    float
+        1/(1/K_v - :func:`static_compliance`), K_v the unit's ``vertical_stiffness``; infinite where that is 0.
+
+    Raises
+    ------
+    ValueError
+        ``n_max`` is out of its bounds, or K_v is not below the tire's own stiffness to this n_max.
+    """
+    if isinstance(n_max, bool) or not isinstance(n_max, (int, np.integer)) or n_max < 1:
+        raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 1")
+    if not unit.vertical_stiffness:
+        return math.inf
+    own = static_compliance(unit, int(n_max), model)
+    left = 1.0 / unit.vertical_stiffness - own
+    if not left > 0.0:
+        raise ValueError(
+            f"vertical_stiffness is {unit.vertical_stiffness!r}; it must be < {1.0 / own:.10g} N/m, the tire's own to "
+            f"n_max = {n_max} ({model})"
+        )
+    return 1.0 / left

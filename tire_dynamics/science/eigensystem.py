@@ -20,11 +20,11 @@ __all__ = ["COLUMNS", "eigensystems"]
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-COLUMNS = 12
-"""Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, and 1 (0 in the hybrid
-model, which has no Coriolis term)."""
+COLUMNS = 14
+"""Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, 1 (0 in the hybrid
+model, which has no Coriolis term), B, B_1."""
 
-_COLUMNS = cython.declare(cython.Py_ssize_t, 12)
+_COLUMNS = cython.declare(cython.Py_ssize_t, 14)
 
 
 @cython.cfunc

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import nonuniform, wheel
 from .floquet import VERDICTS, constant_verdicts
-from .unit import NUMBERS, TireWheelUnit
+from .unit import NUMBERS, ROAD, TireWheelUnit
 
 __all__ = ["AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
 
@@ -28,6 +28,7 @@ Axis = tuple[str, ArrayLike]
 
 AXES: Final = (
     *NUMBERS,
+    *ROAD,
     "speed",
 )
 UNSTABLE: Final = VERDICTS.index("unstable")

@@ -24,9 +24,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .coefficients import Model, coefficients, constants, mode_damping, speed_polynomials, twist
+from .coefficients import (
+    Model,
+    coefficients,
+    constants,
+    contact_patch_factor,
+    mode_damping,
+    speed_polynomials,
+    twist,
+)
 from .eigensystem import eigensystems
-from .elementary import cos_sin
+from .mode_series import mode_steps
 from .stepping import Steps
 from .unit import TireWheelUnit
 
@@ -70,17 +78,16 @@ class RingModes:
             raise ValueError(f"numbers is {numbers!r}; model {model!r} needs integers >= {lowest}")
         self.damping = mode_damping(unit, self.numbers, "complete" if model == "complete" else "inextensional")
         modal_mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(self.numbers == 0, 2.0, 1.0)
-        patch = self.numbers * unit.contact_half_angle
-        spread = np.where(patch == 0.0, 1.0, cos_sin(patch)[1] / np.where(patch == 0.0, 1.0, patch))  # section 4
+        spread = contact_patch_factor(unit, self.numbers)
         if angle == CONTACT_ANGLE:  # exactly (-i)^n
             turned = np.array([1.0, -1.0j, -1.0, 1.0j])[np.mod(self.numbers, 4.0).astype(int)]
         else:
             turned = np.array([cmath.exp(1j * n * angle) for n in self.numbers])
         self._force = spread * turned / modal_mass
-        (A, A_1), _, (C, C_1), D = speed_polynomials(constants(unit), self.numbers)
+        (A, A_1), B, (C, C_1), D = speed_polynomials(constants(unit), self.numbers)
         ones = np.ones_like(self.numbers)
         columns = [self.numbers, self.damping, self._force.real, self._force.imag, A, A_1, C, C_1, *D]
-        self.table = np.stack([column * ones for column in (*columns, 0.0 if model == "hybrid" else 1.0)], axis=1)
+        self.table = np.stack([column * ones for column in (*columns, 0.0 if model == "hybrid" else 1.0, *B)], axis=1)
         """What :mod:`.eigensystem` takes of the modes, shape (N, COLUMNS)."""
 
     def at(self, speed: float) -> SpinningModes:
@@ -88,7 +95,7 @@ class RingModes:
         if self.model == "complete":
             return self._complete(speed)
         exponents, steady, right, left = eigensystems(self.table, speed)
-        return SpinningModes(exponents, right, left, -exponents[..., None] * steady)
+        return SpinningModes(speed, exponents, right, left, -exponents[..., None] * steady)
 
     def _complete(self, speed: float) -> SpinningModes:
         A, B, C, _ = coefficients(self.unit, self.numbers, speed)
@@ -110,7 +117,7 @@ class RingModes:
         drive = np.zeros((n.size, 4, 2), dtype=np.complex128)
         drive[:, 0, 0] = drive[:, 1, 1] = self._force
         left = left / scale[:, None, :]
-        return SpinningModes(roots, right * scale[:, :, None], left, left @ drive)
+        return SpinningModes(speed, roots, right * scale[:, :, None], left, left @ drive)
 
     def change_speed(self, state: ComplexArray, before: float, after: float) -> ComplexArray:
         """The state after a jump of the speed [rad/s]: the Euler terms' integral over it."""
@@ -144,19 +151,22 @@ class RingModes:
         steady : bool
             Start in the steady state of the first sample, otherwise at rest.
         """
-        speed = steps.first_speed
+        speed = float(steps.speeds[0])
         spinning = self.at(speed)
         state = spinning.steady(force[0, 0], force[0, 1])
         if not steady:
             state = np.zeros_like(state)
         states = np.empty((steps.count + 1, *state.shape), dtype=np.complex128)
         states[0] = state
-        for k in range(steps.count):
-            held = float(steps.speeds[k])
-            if held != speed:
-                state = self.change_speed(state, speed, held)
-                spinning, speed = self.at(held), held
-            state = spinning.step(state, steps.lengths[k], force[k], force[k + 1] - force[k])
+        for k, length in enumerate(steps.lengths.tolist()):
+            speed, change = float(steps.speeds[k]), float(steps.speeds[k + 1] - steps.speeds[k])
+            push = force[k + 1] - force[k]
+            if change != 0.0:
+                state = mode_steps(self.table, state, length, speed, change, force[k], push, self.unit.radius)
+            else:
+                if speed != spinning.speed:
+                    spinning = self.at(speed)
+                state = spinning.step(state, length, force[k], push)
             states[k + 1] = state
         return states
 
@@ -180,7 +190,10 @@ class SpinningModes:
     ``drive`` is that in the modes' own coordinates, (N, k, 2).
     """
 
-    def __init__(self, exponents: ComplexArray, right: ComplexArray, left: ComplexArray, drive: ComplexArray) -> None:
+    def __init__(
+        self, speed: float, exponents: ComplexArray, right: ComplexArray, left: ComplexArray, drive: ComplexArray
+    ) -> None:
+        self.speed = speed
         self.exponents, self.right, self.left = exponents, right, left
         self._drive = drive
         self._length = -1.0

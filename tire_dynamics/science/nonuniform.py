@@ -37,6 +37,8 @@ __all__ = [
     "PeriodicFrame",
     "Tip",
     "TongueMap",
+    "coordinates",
+    "coupling",
     "fixed_frame_matrix",
     "is_genuine",
     "nearest_tongue",
@@ -293,7 +295,7 @@ def state_matrix(
     pi a b rho h (A_n + n C_n)/(n C_n) that go with it; n = 0 is the wind-up xi_0.
     """
     matrix = _uniform(unit, speed, time, model, n_max)
-    stiffness, mass = _coupling(unit, nonuniformity, speed, model, n_max)
+    stiffness, mass = coupling(unit, nonuniformity.radial, nonuniformity.tangential, speed, model, n_max)
     if stiffness.any():
         constant, sine, cosine = _seen_by_the_sidewall(unit, model, n_max)
         seen = constant + math.sin(speed * time) * sine + math.cos(speed * time) * cosine
@@ -309,8 +311,8 @@ def _kinds(model: Model, n: int) -> tuple[str, ...]:
     return ("alpha", "beta", "xi", "eta") if n else ("alpha", "xi")
 
 
-def _labels(model: Model, n_max: int) -> list[tuple[int, str]]:
-    """The ring's coordinates in their order."""
+def coordinates(model: Model, n_max: int) -> list[tuple[int, str]]:
+    """The ring's coordinates in their order: wavenumber, and "alpha", "beta", "xi" or "eta"."""
     return [(n, kind) for n in range(1 if n_max == 1 else 0, n_max + 1) for kind in _kinds(model, n)]
 
 
@@ -321,7 +323,7 @@ def _uniform(unit: TireWheelUnit, speed: float, time: float, model: Model, n_max
     one = wheel.state_matrix(unit.mean, speed, time, model)
     if n_max == 1:
         return one
-    labels = _labels(model, int(n_max))
+    labels = coordinates(model, int(n_max))
     still = 1 if unit.is_held else 2
     half = len(labels) + still
     A = np.zeros((2 * half, 2 * half))
@@ -349,15 +351,39 @@ def _mode(unit: TireWheelUnit, n: int, speed: float, model: Model) -> tuple[Floa
 
 
 @lru_cache(maxsize=64)
-def _coupling(
-    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, model: Model, n_max: int
+def coupling(
+    unit: TireWheelUnit,
+    radial: tuple[Harmonic, ...],
+    tangential: tuple[Harmonic, ...],
+    speed: float,
+    model: Model,
+    n_max: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """What the harmonics add to the stiffness between the ring's amplitudes and the wheel [N/m]; masses of q [kg].
+    """What harmonics add to the stiffness between the ring's amplitudes and the wheel [N/m]; masses of q [kg].
 
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    radial, tangential : tuple of (int, float, float)
+        Harmonics of k_z and k_theta. From the fixed frame they are seen at the angles chi_j + phi.
+    speed : float
+        Spin Omega [rad/s]: the shapes of the inextensional model hang on it.
+    model : {"inextensional", "complete"}
+    n_max : int
+
+    Returns
+    -------
+    stiffness : ndarray, shape (L, L)
+        Between the ring's L coordinates, in the order of :func:`coordinates`, net of the wheel.
+    masses : ndarray, shape (L + 1,) or (L + 2,)
+        Of them, of y, and of x where the wheel gives fore and aft. Both are shared, and cannot be written to.
+
+    Notes
+    -----
     The elements are a b times the integrals of k_z e_j cos j(theta - chi_j) with two shapes of u_z, and likewise of
     k_theta and u_theta.
     """
-    labels = _labels(model, n_max)
+    labels = coordinates(model, n_max)
     area = unit.radius * unit.width
     stiffness = np.zeros((len(labels), len(labels)))
     mass = np.empty(len(labels))
@@ -368,9 +394,9 @@ def _coupling(
         mass[len(shapes) - 1] = math.pi * area * unit.surface_density * (ratio if n else 2.0)
     for k, (n, u_z, u_t) in enumerate(shapes):
         for i, (other, v_z, v_t) in enumerate(shapes[: k + 1]):
-            radial = unit.radial_stiffness * _integral(nonuniformity.radial, n, u_z, other, v_z)
-            tangential = unit.tangential_stiffness * _integral(nonuniformity.tangential, n, u_t, other, v_t)
-            stiffness[k, i] = stiffness[i, k] = area * (radial + tangential)
+            along = unit.radial_stiffness * _integral(radial, n, u_z, other, v_z)
+            around = unit.tangential_stiffness * _integral(tangential, n, u_t, other, v_t)
+            stiffness[k, i] = stiffness[i, k] = area * (along + around)
     still = [unit.wheel_mass, unit.fore_aft_mass][: 1 if unit.is_held else 2]
     return _shared(stiffness), _shared(np.concatenate([mass, still]))
 
@@ -407,7 +433,7 @@ def _integral(harmonics: tuple[Harmonic, ...], n: int, z: complex, other: int, w
 @lru_cache(maxsize=64)
 def _seen_by_the_sidewall(unit: TireWheelUnit, model: Model, n_max: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Net amplitudes of the ring = (constant + sin(phi) sine + cos(phi) cosine) q: what y and x take from n = 1."""
-    labels = _labels(model, n_max)
+    labels = coordinates(model, n_max)
     y = len(labels)
     constant, sine, cosine = np.zeros((3, y, y + (1 if unit.is_held else 2)))
     constant[:, :y] = np.eye(y)
@@ -496,7 +522,7 @@ def _half_turn(unit: TireWheelUnit, several: list[Nonuniformity], speed: float, 
         system = _stack([_trigonometric(unit, each, speed, model, n_max) for each in several])
         half = system.constant.shape[-1] // 2
         sign = np.ones(2 * half)
-        ring_coordinates = len(_labels(model, n_max))
+        ring_coordinates = len(coordinates(model, n_max))
         sign[ring_coordinates:half] = sign[half + ring_coordinates :] = -1.0
     result = transition(system, speed, 0.0, math.copysign(math.pi, speed))
     return result if sign is None else result._replace(matrix=sign[:, None] * result.matrix)
@@ -510,7 +536,7 @@ def _trigonometric(
     before, right, opposite = (_uniform(unit, speed, k * quarter, model, n_max) for k in range(3))
     constant = 0.5 * (before + opposite)
     cosines, sines = np.stack([before - constant, 0.0 * constant]), np.stack([right - constant, 0.0 * constant])
-    stiffness, mass = _coupling(unit, nonuniformity, speed, model, n_max)
+    stiffness, mass = coupling(unit, nonuniformity.radial, nonuniformity.tangential, speed, model, n_max)
     still, s, c = _seen_by_the_sidewall(unit, model, n_max)
     half = len(mass)
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import contact as road
 from . import wheel
 from .unit import TireWheelUnit
 
@@ -21,9 +22,15 @@ _LEAST: Final = 1e-13  # of the reciprocal condition number: below it, no three 
 
 
 def frequency_response(
-    unit: TireWheelUnit, speed: ArrayLike, frequencies: ArrayLike, model: wheel.Model = "inextensional"
+    unit: TireWheelUnit,
+    speed: ArrayLike,
+    frequencies: ArrayLike,
+    model: wheel.Model = "inextensional",
+    *,
+    input: Literal["load", "road"] = "load",
+    n_max: int = 30,
 ) -> ComplexArray:
-    """Axle forces per load and traction, as complex amplitudes at constant speed, exact.
+    """Axle forces per load and traction, or per road and traction, as complex amplitudes at constant speed, exact.
 
     Parameters
     ----------
@@ -33,14 +40,20 @@ def frequency_response(
     frequencies : array_like, shape (...)
         Of the load or the traction, seen by one who stands beside the axle [Hz]. May be 0 and negative.
     model : {"inextensional", "complete"}
+    input : {"load", "road"}
+        What drives the tire beside the traction: a load that is given, or the road's height
+        (:func:`.contact.frequency_response`).
+    n_max : int
+        Highest belt harmonic on the road; a given load reaches the axle through n = 1 alone.
 
     Returns
     -------
-    ndarray of complex, shape (*speed.shape, *frequencies.shape, 2, 2)
+    ndarray of complex, shape (*speed.shape, *frequencies.shape, 2, 2), on the road (..., 3, 2)
         H[..., output, input] [-]: outputs are the axle forces (force.x, forward, and F', up, on the suspension), as in
         :func:`.wheel.axle_force`, inputs the vertical load (up) and the traction (forward) on the tire. A load
         F cos(2 pi f t) gives F abs(H[..., 1, 0]) cos(2 pi f t + angle(H[..., 1, 0])) at the suspension. H of load to F'
-        at 0 Hz is :func:`.wheel.transmissibility`, but for sin(phi_c)/phi_c under a spread load.
+        at 0 Hz is :func:`.wheel.transmissibility`. On the road the first input is its height, up [N/m], and the third
+        output the contact force.
 
     Raises
     ------
@@ -63,6 +76,10 @@ def frequency_response(
     >>> bool(np.isclose(H[0, 1, 0], wheel.transmissibility(unit, 209.4)))
     True
     """
+    if input not in ("load", "road"):
+        raise ValueError(f"input is {input!r}; it must be 'load' or 'road'")
+    if input == "road":
+        return road.frequency_response(unit, speed, frequencies, model, n_max)
     system = wheel.fixed_frame(unit, model)
     spins, cycles = _finite("speed", speed), _finite("frequencies", frequencies)
     grid = np.broadcast_arrays(spins.reshape(-1, 1), cycles.reshape(1, -1))
@@ -74,7 +91,14 @@ def frequency_response(
     return response.reshape(*spins.shape, *cycles.shape, 2, 2)
 
 
-def whirl_frequencies(unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional") -> FloatArray:
+def whirl_frequencies(
+    unit: TireWheelUnit,
+    speed: float,
+    model: wheel.Model = "inextensional",
+    *,
+    contact: bool = False,
+    n_max: int = 30,
+) -> FloatArray:
     """Damped frequencies of n = 1 and the wheel seen from the fixed frame [Hz], from the lowest on.
 
     Parameters
@@ -83,6 +107,9 @@ def whirl_frequencies(unit: TireWheelUnit, speed: float, model: wheel.Model = "i
     speed : float
         Spin Omega [rad/s].
     model : {"inextensional", "complete"}
+    contact : bool
+        On the road: with the belt's harmonics to ``n_max``, which the contact couples with n = 1.
+    n_max : int
 
     Returns
     -------
@@ -90,6 +117,8 @@ def whirl_frequencies(unit: TireWheelUnit, speed: float, model: wheel.Model = "i
         abs(Im lambda)/(2 pi) of the pairs of exponents: 3, or 5 of the complete model, but for overdamped motions,
         which have none.
     """
+    if contact:
+        return np.asarray(road.whirls(unit, speed, model, n_max).imag / (2.0 * math.pi))
     exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, speed, model))
     return np.sort(exponents.imag[exponents.imag > 0.0]) / (2.0 * math.pi)
 

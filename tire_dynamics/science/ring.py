@@ -13,7 +13,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .coefficients import Coefficients, Model, coefficients, mode_damping, rest_frequency
+from .coefficients import (
+    Coefficients,
+    Model,
+    coefficients,
+    mode_damping,
+    residual_stiffness,
+    rest_frequency,
+    static_compliance,
+)
 from .modes import CONTACT_ANGLE, RingModes
 from .stepping import Steps
 from .unit import TireWheelUnit
@@ -28,6 +36,7 @@ __all__ = [
     "natural_frequencies",
     "point_force_response",
     "rest_frequency",
+    "static_stiffness",
     "steady_amplitudes",
     "steady_response",
     "transient_response",
@@ -220,6 +229,34 @@ def steady_response(
     _check(n_max, speed, model, lowest=2)
     _check_finite(load=load)
     return point_force_response(unit, speed, -load, 0.0, psi, numbers=np.arange(2, n_max + 1), model=model)
+
+
+def static_stiffness(
+    unit: TireWheelUnit, n_max: int = 30, model: Literal["inextensional", "complete"] = "inextensional"
+) -> float:
+    """Load over displacement of a tire on the road, wheel held, at rest, the residual spring included.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    n_max : int
+        Highest wavenumber of the belt, >= 1.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    float
+        [N/m]. Where the unit's ``vertical_stiffness`` is 0 it is the belt's and the sidewall's own, one over
+        :func:`.coefficients.static_compliance`; otherwise ``vertical_stiffness``, for that is what the residual
+        spring, :func:`.wheel.residual_stiffness`, is there for.
+
+    Raises
+    ------
+    ValueError
+        ``n_max`` is out of its bounds, or ``vertical_stiffness`` is not below the tire's own to this n_max.
+    """
+    residual = residual_stiffness(unit, n_max, model)
+    return 1.0 / (1.0 / residual + static_compliance(unit, n_max, model))
 
 
 def point_force_response(

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wheel
-from .coefficients import constants, formula
+from .coefficients import static_compliance
 from .elementary import cos_sin
 from .nonuniform import Nonuniformity, sidewall
 from .stepping import solve_in_order
@@ -162,21 +162,11 @@ def contact_stiffness(unit: TireWheelUnit) -> float:
     -------
     float
         At rest, the wheel held: 1/k_c = 1/k_1 + sum_n C_n/(pi a b rho h (B_n C_n - A_n^2)), n = 2 to 100, (4.5), each
-        but for the load's and the patch's spread over the contact, sin(n phi_c)/(n phi_c) squared.
+        times the square of :func:`.coefficients.contact_patch_factor`.
     """
     if unit.contact_stiffness:
         return unit.contact_stiffness
-    mass = math.pi * unit.radius * unit.width * unit.surface_density
-    total = _spread(unit, 1) ** 2 / unit.sidewall_stiffness
-    for n in range(2, _MODES + 1):
-        _, _, C, determinant = formula(constants(unit), float(n), 0.0)
-        total += _spread(unit, n) ** 2 * C / (mass * determinant)
-    return float(1.0 / total)
-
-
-def _spread(unit: TireWheelUnit, n: int) -> float:
-    half = n * unit.contact_half_angle
-    return float(cos_sin(half)[1]) / half if half else 1.0
+    return 1.0 / static_compliance(unit, _MODES)
 
 
 def steady_state(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +13,10 @@ from os import PathLike
 from typing import Any, Final, Literal
 
 from ..files.yaml_file import read_yaml, yaml_value
-from .harmonics import Harmonic, check_factor, harmonics
+from .coefficients import static_compliance
+from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
 
-__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "TURNING", "TireWheelUnit"]
+__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "TURNING", "TireWheelUnit"]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
@@ -24,6 +26,15 @@ HARMONICS: Final = ("radial_nonuniformity", "tangential_nonuniformity", "radial_
 
 TURNING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
 """The fields of what is not the same all around, and turns with the tire."""
+
+
+ROAD: Final = ("vertical_stiffness", "residual_damping", "sprung_mass")
+"""The fields that matter on the road alone, and not under a load that is given."""
+
+_NOT_NEGATIVE: Final = (
+    *("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"),
+    *ROAD,
+)
 
 
 @dataclass(frozen=True)
@@ -54,8 +65,8 @@ class TireWheelUnit:
     zeta_1, zeta_s, zeta_n : float
         Damping ratios in [0, 1): of the n = 1 mode, of the suspension, and of every other mode.
     contact_half_angle : float
-        Half the angle of the contact patch, phi_c [rad], in [0, pi/2]; the contact force is spread evenly over it.
-        0 is the paper's point load.
+        Half the angle of the contact patch, phi_c [rad], in [0, pi/2]; the contact force is spread evenly over it, its
+        vertical resultant being the load. 0 is the paper's point load.
     sidewall_damping : {"modal", "reaction"}
         "modal" is the paper's: damping of the ring's motion as seen from the rotating axes, with no reaction
         on the wheel. "reaction" puts the dashpots beside the sidewall springs, between belt and wheel.
@@ -75,6 +86,16 @@ class TireWheelUnit:
         How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m].
     contact_stiffness : float
         By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest, :func:`.turning.contact_stiffness`.
+
+    vertical_stiffness : float
+        Of the whole tire on the road, wheel held, at rest, K_v >= 0 [N/m]: load over displacement. What the belt and
+        its sidewall do not give of it, the residual spring of the tread does. It must be below their own stiffness, to
+        n = 100. 0: the tread is rigid.
+    residual_damping : float
+        Damper beside the residual spring, c_c >= 0 [N s/m]; of no effect where the tread is rigid.
+    sprung_mass : float
+        What stands on the suspension of this wheel on the road, m_b >= 0 [kg]; 0: the body is held, as in the paper and
+        always under a load that is given.
 
     Notes
     -----
@@ -106,6 +127,9 @@ class TireWheelUnit:
     imbalance_angle: float = 0.0
     radial_runout: tuple[Harmonic, ...] = ()
     contact_stiffness: float = 0.0
+    vertical_stiffness: float = 0.0
+    residual_damping: float = 0.0
+    sprung_mass: float = 0.0
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -149,6 +173,11 @@ class TireWheelUnit:
 
         if not all(0.0 < size < math.inf for size in self._sizes()):
             raise ValueError("the fields are each in bounds, but together beyond what numbers of double precision hold")
+        if self.vertical_stiffness and self.vertical_stiffness >= (own := 1.0 / static_compliance(self, HIGHEST)):
+            raise ValueError(
+                f"vertical_stiffness is {self.vertical_stiffness!r}; it must be < {own:.10g} N/m, the tire's own "
+                "with a rigid tread, or 0 for a rigid tread"
+            )
 
     def _sizes(self) -> tuple[float, ...]:
         try:
@@ -281,13 +310,12 @@ class TireWheelUnit:
     def from_tir(
         cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
     ) -> TireWheelUnit:
-        """A unit with the rigid ring of an MF-Tyre/MF-Swift property file.
-
-        Parameters and errors are those of :func:`.tir_file.unit_from_tir`, which also says what is assumed.
-        """
-        from ..files.tir_file import unit_from_tir  # which builds on this module
+        """A unit with a property file's rigid ring, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
+        from ..files.tir_unit import unit_from_tir  # which builds on this module
 
         whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
+        for doubt in whole.doubts:
+            warnings.warn(f"{path}: {doubt}", stacklevel=2)
         return cls.from_mapping(whole.unit.to_mapping())
 
     def to_mapping(self) -> dict[str, Any]:
@@ -303,8 +331,6 @@ class TireWheelUnit:
 
 
 NUMBERS: Final = tuple(
-    field.name for field in dataclasses.fields(TireWheelUnit) if field.name not in (*TURNING, "sidewall_damping")
+    field.name for field in dataclasses.fields(TireWheelUnit) if field.name not in (*TURNING, *ROAD, "sidewall_damping")
 )
-"""The fields of numbers that the uniform tire has."""
-
-_NOT_NEGATIVE: Final = ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness")
+"""The fields of numbers that the uniform tire has, on the road or not."""

@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import floquet
-from .coefficients import coefficients, mode_damping
-from .elementary import cos_sin
+from .coefficients import coefficients, mode_damping, residual_stiffness
 from .floquet import FloquetResult
 from .roots import root_between
 from .stepping import solve_in_order
@@ -48,6 +47,7 @@ __all__ = [
     "frequency_response",
     "is_unstable",
     "output_matrices",
+    "residual_stiffness",
     "reshaped",
     "ring_centre",
     "rotation",
@@ -102,18 +102,15 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
     circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
     """
-    system = _builder(model)(unit, _spread(unit))
+    system = _builder(model)(unit)
     for matrix in system:
         matrix.setflags(write=False)  # they are shared
     return system
 
 
 def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = "inextensional") -> FixedFrame:
-    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front.
-
-    The columns of ``input`` are those of a point load.
-    """
-    return _builder(model)(units, 1.0, shape)
+    """:func:`fixed_frame` of a unit whose fields are arrays, broadcast to ``shape``, which matrices have in front."""
+    return _builder(model)(units, shape)
 
 
 def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
@@ -129,7 +126,7 @@ def _builder(model: str) -> Callable[..., FixedFrame]:
     raise ValueError(f"model is {model!r}; it must be 'inextensional' or 'complete'")
 
 
-def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _inextensional(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     m, M, k_s, c_s = unit.ring_mass, unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     k_1 = unit.sidewall_stiffness
     kappa = k_1 / m
@@ -152,8 +149,8 @@ def _inextensional(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = 
         _set(spin, 2, {3: -c_1 / M})
         _set(output, 0, {0: -c_1})
         _set(output_spin, 0, {4: -c_1, 5: c_1})
-    _set(force, 0, {1: -spread / m})
-    _set(force, 1, {0: spread / m})
+    _set(force, 0, {1: -1.0 / m})  # a contact patch changes nothing here: s_1 = 1
+    _set(force, 1, {0: 1.0 / m})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _inextensional_fore_and_aft(unit, system, kappa, d)
 
@@ -192,7 +189,7 @@ def _with_place_for_x(held: FixedFrame) -> FixedFrame:
     return system
 
 
-def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -> FixedFrame:
+def _complete(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     M, k_s, c_s = unit.wheel_mass, unit.suspension_stiffness, unit.suspension_damping
     A, B, C, _ = coefficients(unit, 1)  # at rest: what the fixed frame keeps
     area = math.pi * unit.radius * unit.width
@@ -225,8 +222,8 @@ def _complete(unit: TireWheelUnit, spread: float, shape: tuple[int, ...] = ()) -
         _set(spin, 4, {5: -c_1 / M, 8: c_1 / M})
         _set(output, 0, {0: -c_1, 3: c_1})
         _set(output_spin, 0, {6: -c_1, 7: -c_1, 9: 2.0 * c_1})
-    _set(force, 1, {0: spread / half_mass})
-    _set(force, 3, {1: spread / half_mass})
+    _set(force, 1, {0: 1.0 / half_mass})
+    _set(force, 3, {1: 1.0 / half_mass})
     system = FixedFrame(constant, spin, force, output, output_spin)
     return system if unit.is_held else _complete_fore_and_aft(unit, system, d)
 
@@ -268,10 +265,6 @@ def _set(matrix: FloatArray, row: int, values: Sequence[Any] | Mapping[int, Any]
         matrix[..., row, column] = value
 
 
-def _spread(unit: TireWheelUnit) -> float:
-    """What a load that is spread over the patch leaves of its first harmonic, sin(phi_c)/phi_c."""
-    half = unit.contact_half_angle
-    return float(cos_sin(half)[1]) / half if half else 1.0
 
 
 def equilibrium(
@@ -554,7 +547,14 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
     return T
 
 
-def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional") -> FloquetResult:
+def stability(
+    unit: TireWheelUnit,
+    speed: float,
+    model: Model = "inextensional",
+    *,
+    contact: bool = False,
+    n_max: int = 30,
+) -> FloquetResult:
     """Floquet stability at a constant speed, of a uniform unit in closed form.
 
     Parameters
@@ -563,6 +563,10 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
     speed : float
         Spin Omega [rad/s], either sign. At standstill there is no period; the verdict comes from the exponents.
     model : {"inextensional", "complete"}
+    contact : bool
+        On the road, without lift-off (:func:`.contact.stability`), and not under a load that is given.
+    n_max : int
+        Highest belt harmonic on the road; under a given load only n = 1 reaches the wheel.
 
     Returns
     -------
@@ -570,8 +574,12 @@ def stability(unit: TireWheelUnit, speed: float, model: Model = "inextensional")
         multipliers = exp(lambda T), lambda the eigenvalues of the fixed-frame matrix, T = 2 pi/abs(Omega). Of a unit
         whose sidewall is not uniform what :func:`.nonuniform.stability` says.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.stability(unit, speed, model, n_max)
     if not unit.is_uniform:
-        from . import nonuniform  # which builds on this module
+        from . import nonuniform  # and this one
 
         return nonuniform.stability(unit, nonuniform.Nonuniformity.of(unit), speed, model)
     F = fixed_frame_matrix(unit, speed, model)
@@ -598,7 +606,9 @@ def _is_unstable(unit: TireWheelUnit, speed: float, model: Model) -> bool:
 
 
 @lru_cache(maxsize=256)
-def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float | None:
+def critical_speed(
+    unit: TireWheelUnit, model: Model = "inextensional", *, contact: bool = False, n_max: int = 30
+) -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
 
     Of a unit that is not uniform it is its mean's: :func:`.nonuniform.tongue_tips` has what comes beside.
@@ -607,6 +617,8 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     ----------
     unit : TireWheelUnit
     model : {"inextensional", "complete"}
+    contact, n_max
+        As of :func:`stability`; on the road it is :func:`.contact.critical_speed`.
 
     Notes
     -----
@@ -616,6 +628,10 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional") -> float
     and none is missed. Between two of them the verdict cannot change; it is read in the middle of each interval, and
     the crossing is then refined on the spectral abscissa.
     """
+    if contact:
+        from . import contact as road  # which builds on this module
+
+        return road.critical_speed(unit, model, n_max)
     return next((speed for speed, lost in crossings(unit, model) if lost), None)
 
 
