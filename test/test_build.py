@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -195,3 +196,13 @@ def test_a_wheel_from_the_source_archive_runs_compiled_where_no_compiler_is(tmp_
 
     pip("--python", python, "install", "--no-deps", "--no-index", wheel)
     assert output(python, "-c", RUN, PWD=str(tmp_path), PATH="/nonexistent").split() == ["True", run_here()[1]]
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.stem)
+def test_nothing_is_counted_from_its_end(source):
+    """Without wraparound a compiled index of -1 reads what lies before the first element."""
+    for node in ast.walk(ast.parse((ROOT / source).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Slice):
+            parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            negative = [part for part in parts if isinstance(part, ast.UnaryOp) and isinstance(part.op, ast.USub)]
+            assert not negative, ast.unparse(node)

@@ -15,9 +15,9 @@ from tire_dynamics.bag import BagReader
 from tire_dynamics.cdr.messages import decode_wrench
 from tire_dynamics.cli.csv_import import RECORD
 from tire_dynamics.cli.main import main
+from tire_dynamics.files import plausibility
 from tire_dynamics.files.csv_table import read_table
 from tire_dynamics.files.errors import InputError
-from tire_dynamics.science import plausibility
 
 N = 100
 TIME = np.arange(N) / 100.0  # [s]

@@ -353,9 +353,8 @@ def test_a_tick_outside_ros_time_is_refused_before_anything_is_done(moment):
     before = state_of(pipeline.vehicle)
     events.insert(40, (TICK, NOW, NOW, moment, messages.encode_clock(0)))
     with pytest.raises(messages.MessageError, match=f"{moment} ns is outside the range"):
-        pipeline.run(
-            columns_of(events, np.random.default_rng(1)), dict.fromkeys([*pipeline.inputs, *pipeline.outputs], 1)
-        )
+        channels = dict.fromkeys([*pipeline.inputs, *pipeline.outputs], 1)
+        pipeline.run(columns_of(events, np.random.default_rng(1)), channels)
     with pytest.raises(messages.MessageError, match=f"{moment} ns is outside the range"):
         pipeline.tick(moment)
     assert state_of(pipeline.vehicle) == before

@@ -114,7 +114,7 @@ def test_the_road_is_where_the_models_contact_is():
         assert contact[0, 2] < contact[1, 2] and contact[0, 0] == contact[1, 0]  # pushes up
 
 
-def test_the_belt_is_the_wirings():
+def test_the_belt_is_the_pipelines():
     """The points of `ring_shape`, with the two columns of deflection behind them, are drawn as they are."""
     pipeline = Pipeline({"ring_samples": 8})
     deflection = np.zeros((1, 2, 8))

@@ -30,7 +30,10 @@ PURE = {
 }
 # The parameters of a tire come from a file and go into one.
 MAY_ALSO_USE = {
+    "science/tir_file.py": {"os", "open"},
+    "science/tir_unit.py": {"os"},
     "science/unit.py": {"os", "open"},
+    "science/yaml_file.py": {"os", "yaml", "open"},
 }
 
 

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..files.csv_table import ROS_TIME_S, TIME_UNITS, Column, Table, is_unit, read_table, unit_named
 from ..files.errors import InputError
+from ..files.plausibility import GRAVITY, Plausibility, acceleration_doubts
 from ..files.progress import progress
-from ..science.plausibility import GRAVITY, Plausibility, acceleration_doubts
 from .answer import answer, printable
 
 if TYPE_CHECKING:

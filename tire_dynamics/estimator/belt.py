@@ -485,9 +485,9 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _sum(a: FloatArray) -> FloatArray:
-    """Sums over the last axis, in order."""
+    """Sums over the last axis of three, in order."""
     total = a[..., 0]
-    for k in range(1, a.shape[-1]):
+    for k in range(1, a.shape[2]):
         total = total + a[..., k]
     return total
 
