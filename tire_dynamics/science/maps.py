@@ -16,9 +16,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import nonuniform, wheel
 from .floquet import VERDICTS, constant_verdicts
+from .nonuniform_matrices import is_genuine
+from .response import transmissibility
 from .unit import NUMBERS, ROAD, TireWheelUnit
+from .wheel_matrices import Model, fixed_frame, stacked_frames
+from .wheel_stability import crossings
 
 __all__ = ["AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
 
@@ -89,7 +92,7 @@ def stability_map(
     y: Axis,
     *,
     speed: float | None = None,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     over: Over = map,
 ) -> StabilityMap:
     """Floquet stability over two fields, or over one and the speed.
@@ -123,8 +126,8 @@ def stability_map(
     >>> [[VERDICTS[code] for code in row] for row in grid.verdict]  # doctest: +NORMALIZE_WHITESPACE
     [['asymptotically stable', 'asymptotically stable'], ['asymptotically stable', 'unstable']]
     """
-    wheel.fixed_frame(unit, model)  # says what is wrong with the model
-    if nonuniform.is_genuine(unit, model):
+    fixed_frame(unit, model)  # says what is wrong with the model
+    if is_genuine(unit, model):
         raise ValueError("the unit's sidewall is not uniform; it can be mapped over nonuniformity and the speed")
     grid = _grid(unit, x, y, speed, model)
     nx, ny = grid.x.size, grid.y.size
@@ -140,10 +143,10 @@ def stability_map(
 
 
 def transmissibility_map(unit: TireWheelUnit, x: Axis, y: Axis, *, speed: float | None = None) -> TransmissibilityMap:
-    """:func:`.wheel.transmissibility` over two fields, or over one and the speed; arguments as of `stability_map`."""
+    """:func:`.response.transmissibility` over two fields, or over one and the speed; arguments as of `stability_map`."""
     grid = _grid(unit, x, y, speed, "inextensional")
     units = _Units(unit, **_fields(grid, grid.x, grid.y[:, None]))
-    K = np.broadcast_to(wheel.transmissibility(units, _speeds(grid)), (grid.y.size, grid.x.size))
+    K = np.broadcast_to(transmissibility(units, _speeds(grid)), (grid.y.size, grid.x.size))
     return TransmissibilityMap(grid.x_name, grid.y_name, grid.x, grid.y, K.copy())
 
 
@@ -155,7 +158,7 @@ class _Grid:
     x: FloatArray
     y: FloatArray
     speed: float | None
-    model: wheel.Model
+    model: Model
 
 
 class _Units(TireWheelUnit):
@@ -173,7 +176,7 @@ class _Units(TireWheelUnit):
         return not np.any(self.longitudinal_stiffness)  # all or none: the corners are looked at
 
 
-def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: wheel.Model) -> _Grid:
+def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Model) -> _Grid:
     (x_name, x_values), (y_name, y_values) = ((name, _increasing(name, values)) for name, values in (x, y))
     if x_name == y_name:
         raise ValueError(f"both axes are {x_name!r}; they must be two")
@@ -228,7 +231,7 @@ def _block(grid: _Grid, start: int) -> tuple[FloatArray, NDArray[np.int8]]:
 def _judge(grid: _Grid, x: FloatArray, y: FloatArray) -> tuple[FloatArray, NDArray[np.int8]]:
     """Spectral abscissa [1/s] and verdict at N points (x, y)."""
     speed = y if grid.y_name == "speed" else x if grid.x_name == "speed" else np.array(grid.speed)
-    system = wheel.stacked_frames(_Units(grid.unit, **_fields(grid, x, y)), x.shape, grid.model)
+    system = stacked_frames(_Units(grid.unit, **_fields(grid, x, y)), x.shape, grid.model)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is not accepted
         F = system.constant + speed[..., None, None] * system.spin
     half = F.shape[1] // 2
@@ -297,7 +300,7 @@ def _along_speed(grid: _Grid, start: int) -> tuple[FloatArray, NDArray[np.intp]]
     points, rows = [], []
     for row in range(start, min(start + LINES, grid.y.size)):
         value = float(grid.y[row])
-        speeds = [speed for speed, _ in wheel.crossings(grid.unit.replace(**_fields(grid, None, value)), grid.model)]
+        speeds = [speed for speed, _ in crossings(grid.unit.replace(**_fields(grid, None, value)), grid.model)]
         speeds = sorted([-speed for speed in speeds] + speeds)  # they are the same backward
         points += [(speed, value) for speed in speeds]
         rows += [row] * len(speeds)
