@@ -22,14 +22,15 @@ PACKAGE = Path(__file__).parents[1] / "tire_dynamics"
 ROOMS = ("science", "estimator", "files", "cdr", "bag", "replay", "figures", "report", "ros", "cli")
 """From the lowest to the highest."""
 
-BESIDE = 2  # the package's own names and build_state.py stand above so many of them, and below the others
+PUBLIC = 3  # the package's own names, which stand in no room, come from so many of them
 
 ROS = re.compile(
     r"rclpy|rpyutils|rosbag2_py|ament_index_python|launch(_\w+)?|(rosidl|tf2)_\w+|\w+_(msgs|srvs|interfaces)"
 )
 KNOWS_ROS = "ros"
 
-# In the two lowest rooms everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
+ARE_PURE = ("science", "estimator")
+# In these rooms everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
 # what is allowed there; a list of what is not could never be complete.
 PURE = {
     *("__future__", "abc", "array", "bisect", "cmath", "collections", "copy", "dataclasses", "enum"),
@@ -78,9 +79,9 @@ def uses(file: Path, package: Path) -> set[Use]:
 
 
 def place(module: str) -> float:
-    """How high a module stands; what is in no room stands above those that are pure."""
+    """How high a module stands; what is in no room stands above those that are public."""
     room = module.split(".")[1] if "." in module else ""
-    return ROOMS.index(room) if room in ROOMS else BESIDE - 0.5
+    return ROOMS.index(room) if room in ROOMS else PUBLIC - 0.5
 
 
 def home(name: str, modules: dict[str, Path]) -> str | None:
@@ -113,7 +114,7 @@ def objections(package: Path) -> Iterator[str]:
             elif ROS.fullmatch(top):
                 if room != KNOWS_ROS:
                     yield f"{module} imports {use.name}: only {KNOWS_ROS} knows ROS"
-            elif room in ROOMS[:BESIDE] and top not in PURE:
+            elif room in ARE_PURE and top not in PURE:
                 yield f"{module} uses {use.name}: {room} is pure (PURE in {Path(__file__).name} is what that allows)"
     try:
         TopologicalSorter(imports).prepare()

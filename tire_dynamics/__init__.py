@@ -10,16 +10,31 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .estimator.simulate import Response, simulate
+    from .files.tir_unit import read_tir_unit
+    from .files.unit_file import read_unit, write_unit
     from .science import floquet, ring, wheel
     from .science.unit import TireWheelUnit
 
 __version__ = "0.1.0"
-__all__ = ["Response", "TireWheelUnit", "floquet", "ring", "simulate", "wheel"]
+__all__ = [
+    "Response",
+    "TireWheelUnit",
+    "floquet",
+    "read_tir_unit",
+    "read_unit",
+    "ring",
+    "simulate",
+    "wheel",
+    "write_unit",
+]
 
 _HOMES = {
     "TireWheelUnit": ".science.unit",
     "Response": ".estimator.simulate",
     "simulate": ".estimator.simulate",
+    "read_tir_unit": ".files.tir_unit",
+    "read_unit": ".files.unit_file",
+    "write_unit": ".files.unit_file",
 }
 
 

@@ -143,7 +143,7 @@ def stability_map(
 
 
 def transmissibility_map(unit: TireWheelUnit, x: Axis, y: Axis, *, speed: float | None = None) -> TransmissibilityMap:
-    """:func:`.response.transmissibility` over two fields, or over one and the speed; arguments as of `stability_map`."""
+    """:func:`.response.transmissibility` over two fields, or one and the speed; arguments as of `stability_map`."""
     grid = _grid(unit, x, y, speed, "inextensional")
     units = _Units(unit, **_fields(grid, grid.x, grid.y[:, None]))
     K = np.broadcast_to(transmissibility(units, _speeds(grid)), (grid.y.size, grid.x.size))

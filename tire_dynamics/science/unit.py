@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from os import PathLike
 from typing import Any, Final, Literal
 
-from ..files.yaml_file import read_yaml, yaml_value
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
 
@@ -289,45 +286,10 @@ class TireWheelUnit:
                 raise ValueError(f"{field.name} is missing; it has no default")
         return cls(**mapping)
 
-    @classmethod
-    def from_yaml(cls, path: str | PathLike[str]) -> TireWheelUnit:
-        """A unit from a YAML file of field names and values, such as ``config/table_1.yaml``.
-
-        Parameters
-        ----------
-        path : path
-
-        Raises
-        ------
-        OSError
-            The file cannot be read.
-        ValueError
-            It is not such a mapping, or a field is unknown, missing or out of bounds.
-        """
-        return cls.from_mapping(read_yaml(path))
-
-    @classmethod
-    def from_tir(
-        cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
-    ) -> TireWheelUnit:
-        """A unit with a property file's rigid ring, as :func:`.tir_unit.unit_from_tir`; its doubts are warnings."""
-        from ..files.tir_unit import unit_from_tir  # which builds on this module
-
-        whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
-        for doubt in whole.doubts:
-            warnings.warn(f"{path}: {doubt}", stacklevel=2)
-        return cls.from_mapping(whole.unit.to_mapping())
-
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values; harmonics as lists of lists."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return values | {name: [list(each) for each in values[name]] for name in HARMONICS}
-
-    def to_yaml(self, path: str | PathLike[str]) -> None:
-        """Write the fields so that :meth:`from_yaml` gives an equal unit."""
-        with open(path, "w", encoding="utf-8") as file:
-            for name, value in self.to_mapping().items():
-                file.write(f"{name}: {yaml_value(value)}\n")
 
 
 NUMBERS: Final = tuple(

@@ -1,8 +1,9 @@
 """n = 1 and the wheel: what is asked of a unit at a speed, and the names of all modules that answer.
 
 ``wheel_matrices`` has the equations, ``wheel_state`` what their states say, ``wheel_stability`` the closed form of a
-uniform tire, ``response`` steady and periodic loads, ``maps`` grids. Here it is decided by the unit which equations are
-asked: those of its mean, those of a sidewall that varies (``nonuniform``), or those of a tire on the road (``contact``).
+uniform tire, ``response`` steady and periodic loads, ``maps`` grids. Here the unit decides which equations are
+asked: those of a uniform tire, those of a sidewall that varies (``nonuniform``), or those of a tire on the road
+(``contact``).
 """
 
 from __future__ import annotations
