@@ -169,7 +169,10 @@ def test_the_open_system_is_the_wheels_and_the_modes(unit, speed, model, n_max):
 @settings(max_examples=20)
 @given(unit=units(), speed=speeds, model=models, n_max=st.integers(1, 6), frequency=st.floats(0.5, 300.0))
 def test_frequency_response_against_the_whole_system(unit, speed, model, n_max, frequency):
-    """The closed form against (s - A_contact)^-1 of all states at once; of a rigid tread one 1e6 times as stiff."""
+    """The closed form against (s - A_contact)^-1 of all states at once; of a rigid tread one 1e6 times as stiff.
+
+    What that leaves is some 1e-6, and more beside a resonance.
+    """
     system = contact.open_system(unit, speed, model, n_max)
     if not math.isfinite(system.stiffness):
         system = system._replace(stiffness=1e12)
@@ -181,7 +184,7 @@ def test_frequency_response_against_the_whole_system(unit, speed, model, n_max, 
     H = wheel.frequency_response(unit, speed, frequency, model, input="road", n_max=n_max)
     whole = np.concatenate([system.output @ z, force[None]])
     for column in (0, 1):  # metres of road, newtons of traction
-        assert H[:, column] == pytest.approx(whole[:, column], abs=3e-6 * np.abs(whole[:, column]).max())
+        assert H[:, column] == pytest.approx(whole[:, column], abs=1e-5 * np.abs(whole[:, column]).max())
 
 
 SIDEWALLS = [

@@ -22,6 +22,9 @@ from tire_dynamics.replay.replay import replay
 MODULES = [
     "science.unit",
     "estimator.simulate",
+    "estimator.vehicle_parameters",
+    "estimator.load_filter",
+    "estimator.load_estimate",
     "science.ring",
     "science.wheel",
     "science.floquet",

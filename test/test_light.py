@@ -45,7 +45,7 @@ import numpy as np
 from tire_dynamics.ros.uniformity_monitor import variation_of
 
 angle = np.linspace(0.0, 80.0, 2000)
-assert variation_of(list(zip(np.mod(angle, 6.0), np.cos(angle))))
+assert variation_of(np.stack([np.mod(angle, 6.0), np.cos(angle)], axis=1))
 """
 
 NODE = "import tire_dynamics.ros.node"

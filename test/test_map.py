@@ -55,6 +55,8 @@ def axes(draw, unit):
             values = np.linspace(0.0, 1.5, count)
         elif name in ("longitudinal_stiffness", "longitudinal_mass"):
             values = np.linspace(0.0, 100.0, count) + (1e5 if name == "longitudinal_stiffness" else 0.0)
+        elif name in ("vertical_stiffness", "residual_damping", "sprung_mass"):  # softer than any tire here
+            values = np.linspace(1.0, 100.0, count)
         else:
             values = getattr(unit, name) * np.linspace(0.5, 2.0, count)
         made.append((name, values))

@@ -358,7 +358,7 @@ def test_a_unit_that_is_no_tire_is_given_up(varying, stiffness):
     if estimator.advance(100 * MS):  # a uniform one may be as stiff as it likes
         assert not varying and np.isfinite(estimator.axle_force).all()
     else:
-        assert estimator.divergences == 1
+        assert estimator.divergences > 0
 
 
 # -- the wheel's angle --------------------------------------------------------------------------------------------

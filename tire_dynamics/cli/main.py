@@ -221,7 +221,7 @@ _NODE_EXAMPLES = (
 
 def _declare(commands: _Commands) -> None:
     from ..replay import jobs
-    from . import answer, csv_import, figures, identify, import_tir, report, response, uncertainty
+    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, uncertainty
     from . import map as map_
 
     command = commands.add(
@@ -348,6 +348,19 @@ def _declare(commands: _Commands) -> None:
     csv_import.add_arguments(command)
     answer.add_arguments(command)
     command.set_defaults(run=csv_import.run)
+
+    command = commands.add(
+        _BAGS,
+        "loads",
+        help="wheel loads from an IMU, travel, hub accelerations and wheel speeds",
+        examples=(
+            ("loads drive -o drive_loads --vehicle config/car.yaml", "of a folder of CSV files, for this car"),
+            ("loads drive -o drive_loads --json", "with drive/car.yaml; for a program"),
+        ),
+    )
+    loads.add_arguments(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=loads.run)
 
     command = commands.add(
         _MODEL,

@@ -433,12 +433,11 @@ class Schedule:
             while len(waiting) > self.room:
                 self.grow()
             if known is not None:
-                self.has[at], self.stamp[at] = 1, operator.index(known[0])
-                self.values[2 * at], self.values[2 * at + 1] = _two(known)
-            self.waiting[at] = len(waiting)
+                self.stamp[at], self.values[2 * at], self.values[2 * at + 1] = _sample(known)
+                self.has[at] = 1
             for k, sample in enumerate(waiting, at * self.room):
-                self.waiting_stamp[k] = operator.index(sample[0])
-                self.waiting_values[2 * k], self.waiting_values[2 * k + 1] = _two(sample)
+                self.waiting_stamp[k], self.waiting_values[2 * k], self.waiting_values[2 * k + 1] = _sample(sample)
+            self.waiting[at] = len(waiting)
         self.angle_used[wheel] = bool(snapshot["angle_used"])
 
 
@@ -446,5 +445,7 @@ def _integers(count: int) -> memoryview:
     return np.zeros(count, dtype=np.int64).data
 
 
-def _two(sample: list[Any]) -> tuple[float, float]:
-    return float(sample[1]), math.nan if sample[2] is None else float(sample[2])
+def _sample(sample: list[Any]) -> tuple[int, float, float]:
+    """Unpacked, not indexed: nothing here looks whether an index is within a list."""
+    stamp, first, second = sample
+    return operator.index(stamp), float(first), math.nan if second is None else float(second)

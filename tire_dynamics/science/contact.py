@@ -11,9 +11,9 @@ c_c delta'. So with H(s) = contact (s - A)^-1 push,
     F = r / (1/(k_c + c_c s) - H(s)),      A_contact = A + push (k_c contact + c_c contact A),
 
 as contact push = 0: a force moves no place at once. A rigid tread, k_c infinite, holds u_c = -r: two states fewer.
-docs/model.md, section 11, derives it. z has the states of ``wheel_matrices.fixed_frame``, then [b', b] of a sprung mass,
-then, of each belt harmonic, the real parts of (V, Z) and their imaginary parts (``modes``); of n = 0, which has none, the
-real ones.
+docs/model.md, section 11, derives it. z has the states of ``wheel_matrices.fixed_frame``, then [b', b] of a sprung
+mass, then, of each belt harmonic, the real parts of (V, Z) and their imaginary parts (``modes``); of n = 0, which has
+none, the real ones.
 """
 
 from __future__ import annotations

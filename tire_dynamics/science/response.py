@@ -64,8 +64,9 @@ def frequency_response(
     Notes
     -----
     H = (C_0 + Omega C_1) (2 pi i f - F_0 - Omega F_1)^-1 B of :class:`.wheel_matrices.FixedFrame`, solved for the
-    displacements alone. Where the unit is unstable this is still what the equations have at that frequency, but nothing settles to
-    it: :func:`.wheel.stability` says so. A varying speed mixes frequencies and has no such response.
+    displacements alone. Where the unit is unstable this is still what the equations have at that frequency, but
+    nothing settles to it: :func:`.wheel.stability` says so. A varying speed mixes frequencies and has no such
+    response.
 
     Examples
     --------
