@@ -370,7 +370,7 @@ def test_tongues_over_the_amplitudes(tmp_path, axes):
         assert growth[i, j] == pytest.approx(alone.exponents.real.max(), rel=1e-6, abs=1e-6)
     boundary = arrays["boundary"] if axes == "xy" else arrays["boundary"][:, ::-1]
     assert len(boundary) > 20 and arrays["segments"].max() == len(boundary) - 1
-    for tip in nonuniform.tongue_tips(VARYING, nonuniform.Nonuniformity.of(VARYING)):
+    for tip in nonuniform.combination_resonances(VARYING, nonuniform.Nonuniformity.of(VARYING)):
         if 4000.0 < tip.speed / RPM < 7000.0:
             near = boundary[np.abs(boundary[:, 0] - tip.speed / RPM) < 100.0]  # the grid's step
             assert near[:, 1].min() == pytest.approx(tip.threshold, abs=0.15)

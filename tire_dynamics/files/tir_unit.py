@@ -19,7 +19,7 @@ from scipy import optimize
 
 from ..science.coefficients import static_compliance
 from ..science.uncertainty import UNCERTAIN, value_of
-from ..science.unit import TURNING, TireWheelUnit
+from ..science.unit import ROTATING, TireWheelUnit
 from .tir_estimate import RULES, Estimate, estimated, stiffness_of_size
 from .tir_file import KEYS, PRESSURES, TirFile
 
@@ -254,7 +254,7 @@ def _made(file: TirFile, given: Mapping[str, Any], estimates: Mapping[str, Estim
     put("sidewall_damping", _TABLE_1.sidewall_damping, "", by_default)
     put("longitudinal_stiffness", _TABLE_1.longitudinal_stiffness, "", "the default, a wheel that is held")
     put("longitudinal_mass", _TABLE_1.longitudinal_mass, "", "the default, wheel_mass")
-    for name in TURNING:
+    for name in ROTATING:
         put(name, getattr(_TABLE_1, name), "", "the default, a tire that is the same all around")
 
     notes = list(_notes(file, mass, estimates))

@@ -407,7 +407,7 @@ def _places(unit: TireWheelUnit, model: Model, n_max: int) -> dict[object, tuple
     kinds = ("alpha", "beta") if model == "inextensional" else ("alpha", "beta", "xi", "eta")
     places: dict[object, tuple[int, int]] = {(1, kind): (k, half + k) for k, kind in enumerate(kinds)}
     places["y"] = len(kinds), half + len(kinds)
-    if not unit.is_held:
+    if not unit.is_longitudinally_rigid:
         places["x"] = len(kinds) + 1, half + len(kinds) + 1
     first = 2 * half + 2 * bool(unit.sprung_mass)
     k = 1 if model == "inextensional" else 2  # complex amplitudes of a harmonic

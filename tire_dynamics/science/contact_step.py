@@ -301,7 +301,7 @@ class ContactStepper:
                 inputs[place, 6 + k] = frame.input[1, 0]
                 up, along = _NET[label[1]]
                 inputs[y - half, 6 + k] = up / unit.wheel_mass
-                if not unit.is_held:
+                if not unit.is_longitudinally_rigid:
                     inputs[y - half + 1, 6 + k] = along / unit.fore_aft_mass
         constant[total - half :, half:n] = np.eye(half)
         scale[-half:] = stiffest**-2
@@ -505,7 +505,7 @@ class ContactStepper:
         half = self._half
         q = one + self.spin.rest_one[half : 2 * half]
         kinds = ("alpha", "beta") if self.model == "inextensional" else ("alpha", "beta", "xi", "eta")
-        y, x = q[len(kinds)], 0.0 if self.unit.is_held else q[len(kinds) + 1]
+        y, x = q[len(kinds)], 0.0 if self.unit.is_longitudinally_rigid else q[len(kinds) + 1]
         numbers = self.points.numbers.tolist()
         net = np.empty(len(self._labels))
         for k, (number, kind) in enumerate(self._labels):

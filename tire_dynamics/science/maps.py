@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .floquet import VERDICTS, constant_verdicts
-from .nonuniform_matrices import is_genuine
+from .nonuniform_matrices import is_irreducibly_periodic
 from .response import transmissibility
 from .unit import NUMBERS, ROAD, TireWheelUnit
 from .wheel_matrices import Model, fixed_frame, stacked_frames
@@ -127,7 +127,7 @@ def stability_map(
     [['asymptotically stable', 'asymptotically stable'], ['asymptotically stable', 'unstable']]
     """
     fixed_frame(unit, model)  # says what is wrong with the model
-    if is_genuine(unit, model):
+    if is_irreducibly_periodic(unit, model):
         raise ValueError("the unit's sidewall is not uniform; it can be mapped over nonuniformity and the speed")
     grid = _grid(unit, x, y, speed, model)
     nx, ny = grid.x.size, grid.y.size
@@ -172,7 +172,7 @@ class _Units(TireWheelUnit):
         return np.sqrt(number)
 
     @property
-    def is_held(self) -> bool:
+    def is_longitudinally_rigid(self) -> bool:
         return not np.any(self.longitudinal_stiffness)  # all or none: the corners are looked at
 
 
@@ -190,7 +190,7 @@ def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Mod
     grid = _Grid(unit, x_name, y_name, x_values, y_values, speed, model)
     corners = ((i, j) for i in (0, -1) for j in (0, -1))  # bounds are intervals: what holds here holds between
     units = [unit.replace(**_fields(grid, float(x_values[i]), float(y_values[j]))) for i, j in corners]
-    if len({each.is_held for each in units}) > 1:
+    if len({each.is_longitudinally_rigid for each in units}) > 1:
         raise ValueError("longitudinal_stiffness is 0.0, which holds the wheel, beside others; it must be > 0")
     return grid
 

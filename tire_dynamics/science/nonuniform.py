@@ -12,28 +12,28 @@ from .nonuniform_matrices import (
     coordinates,
     coupling,
     fixed_frame_matrix,
-    is_genuine,
+    is_irreducibly_periodic,
     periodic_frame,
     sidewall,
     state_matrix,
 )
 from .nonuniform_stability import stability
-from .tongues import Tip, TongueMap, nearest_tongue, tongue_map, tongue_tips
+from .tongues import CombinationResonance, TongueMap, combination_resonances, nearest_tongue, tongue_map
 
 __all__ = [
     "Nonuniformity",
     "PeriodicFrame",
-    "Tip",
+    "CombinationResonance",
     "TongueMap",
     "coordinates",
     "coupling",
     "fixed_frame_matrix",
-    "is_genuine",
+    "is_irreducibly_periodic",
     "nearest_tongue",
     "periodic_frame",
     "sidewall",
     "stability",
     "state_matrix",
     "tongue_map",
-    "tongue_tips",
+    "combination_resonances",
 ]

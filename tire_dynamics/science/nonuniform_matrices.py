@@ -38,7 +38,7 @@ __all__ = [
     "coordinates",
     "coupling",
     "fixed_frame_matrix",
-    "is_genuine",
+    "is_irreducibly_periodic",
     "periodic_frame",
     "seen_by_the_sidewall",
     "sidewall",
@@ -119,7 +119,7 @@ class PeriodicFrame(NamedTuple):
     sine: FloatArray
 
 
-def is_genuine(unit: TireWheelUnit, model: Model = "inextensional", n_max: int = 1) -> bool:
+def is_irreducibly_periodic(unit: TireWheelUnit, model: Model = "inextensional", n_max: int = 1) -> bool:
     """Whether a unit's equations are periodic for good, and no change of frame makes them constant.
 
     Parameters
@@ -208,7 +208,7 @@ def sidewall(
         springs = [area * unit.radial_stiffness, area * unit.tangential_stiffness]
         mass = area * unit.surface_density
     masses = np.array([mass] * len(net) + [unit.wheel_mass, unit.fore_aft_mass])
-    half = len(masses) - unit.is_held
+    half = len(masses) - unit.is_longitudinally_rigid
     parts = zip(springs, anisotropy(unit, nonuniformity, model), strict=True)
     strengths = [complex(k * e.real, k * e.imag) for k, e in parts]
     return net[:, :half], masses[:half], -net[:, -1], strengths
@@ -318,7 +318,7 @@ def uniform_part(unit: TireWheelUnit, speed: float, time: float, model: Model, n
     if n_max == 1:
         return one
     labels = coordinates(model, int(n_max))
-    still = 1 if unit.is_held else 2
+    still = 1 if unit.is_longitudinally_rigid else 2
     half = len(labels) + still
     A = np.zeros((2 * half, 2 * half))
     A[half:, :half] = np.eye(half)
@@ -391,7 +391,7 @@ def coupling(
             along = unit.radial_stiffness * _integral(radial, n, u_z, other, v_z)
             around = unit.tangential_stiffness * _integral(tangential, n, u_t, other, v_t)
             stiffness[k, i] = stiffness[i, k] = area * (along + around)
-    still = [unit.wheel_mass, unit.fore_aft_mass][: 1 if unit.is_held else 2]
+    still = [unit.wheel_mass, unit.fore_aft_mass][: 1 if unit.is_longitudinally_rigid else 2]
     return _shared(stiffness), _shared(np.concatenate([mass, still]))
 
 
@@ -429,7 +429,7 @@ def seen_by_the_sidewall(unit: TireWheelUnit, model: Model, n_max: int) -> tuple
     """Net amplitudes of the ring = (constant + sin(phi) sine + cos(phi) cosine) q: what y and x take from n = 1."""
     labels = coordinates(model, n_max)
     y = len(labels)
-    constant, sine, cosine = np.zeros((3, y, y + (1 if unit.is_held else 2)))
+    constant, sine, cosine = np.zeros((3, y, y + (1 if unit.is_longitudinally_rigid else 2)))
     constant[:, :y] = np.eye(y)
     # y sin(psi), y cos(psi); x cos(psi), -x sin(psi), as in wheel.state_matrix
     for kind, by_y, by_x in (
@@ -441,7 +441,7 @@ def seen_by_the_sidewall(unit: TireWheelUnit, model: Model, n_max: int) -> tuple
         if (1, kind) in labels:
             row = labels.index((1, kind))
             sine[row, y], cosine[row, y] = -by_y[0], -by_y[1]
-            if not unit.is_held:
+            if not unit.is_longitudinally_rigid:
                 sine[row, y + 1], cosine[row, y + 1] = -by_x[0], -by_x[1]
     return _shared(constant), _shared(sine), _shared(cosine)
 

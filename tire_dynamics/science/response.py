@@ -114,7 +114,7 @@ def transmissibility(unit: TireWheelUnit, speed: ArrayLike) -> float | FloatArra
     if unit.sidewall_damping == MODAL:
         ratio = 2.0 * unit.zeta_1 * omega / unit.rigid_mode_frequency
         series = unit.sidewall_stiffness / unit.suspension_stiffness + 1.0
-        if not unit.is_held:
+        if not unit.is_longitudinally_rigid:
             series = series * (unit.sidewall_stiffness / unit.longitudinal_stiffness + 1.0)
         K = 1.0 / (1.0 + ratio * ratio * series)
     else:

@@ -17,7 +17,7 @@ from .roots import root_between
 from .unit import TireWheelUnit
 from .wheel_matrices import Model, fixed_frame, fixed_frame_matrix
 
-__all__ = ["Tip", "TongueMap", "nearest_tongue", "tongue_map", "tongue_tips"]
+__all__ = ["CombinationResonance", "TongueMap", "nearest_tongue", "tongue_map", "combination_resonances"]
 
 FloatArray = NDArray[np.float64]
 
@@ -98,8 +98,8 @@ def tongue_map(
 # -- where tongues begin --------------------------------------------------------------------------------------------
 
 
-class Tip(NamedTuple):
-    """Where a tongue of instability begins: the sum of two whirls' frequencies is twice the speed.
+class CombinationResonance(NamedTuple):
+    """A combination resonance, where a tongue of instability begins: two whirls' frequencies add up to twice the speed.
 
     Attributes
     ----------
@@ -122,7 +122,9 @@ class Tip(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model = "inextensional") -> tuple[Tip, ...]:
+def combination_resonances(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model = "inextensional"
+) -> tuple[CombinationResonance, ...]:
     """Where the tongues of n = 1 and the wheel begin, those that open in proportion to the amplitudes.
 
     Parameters
@@ -133,7 +135,7 @@ def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model 
 
     Returns
     -------
-    tuple of Tip
+    tuple of CombinationResonance
         By ascending speed. Narrower ones, of order k in the amplitudes, lie at 1/k of the sums.
 
     Notes
@@ -160,7 +162,7 @@ def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model 
     # Beyond twice the highest, no sum is twice the speed: what still grows does so four times as fast as the speed.
     speeds = np.linspace(0.0, 2.0 * float(frequencies(np.array(0.0))[-1]), 513)
     each = frequencies(speeds)
-    tips: list[Tip] = []
+    resonances: list[CombinationResonance] = []
     for i in range(half):
         for j in range(i, half):
 
@@ -173,13 +175,14 @@ def tongue_tips(unit: TireWheelUnit, nonuniformity: Nonuniformity, model: Model 
                 (a, b), (f_a, f_b) = speeds[k : k + 2].tolist(), beyond[k : k + 2].tolist()
                 speed = root_between(excess, a, b, f_a, f_b, 1e-12)
                 pair = frequencies(np.array(speed))[[i, j]]
-                # a frequency that is there twice gives its tip twice
-                if not any(np.allclose([tip.speed, *tip.frequencies], [speed, *pair], rtol=1e-6) for tip in tips):
+                # a frequency that is there twice gives its resonance twice
+                if not any(np.allclose([r.speed, *r.frequencies], [speed, *pair], rtol=1e-6) for r in resonances):
                     F, damped = (fixed_frame_matrix(each, speed, model) for each in (undamped, unit))
                     growth, threshold = _tongue(F, damped - F, parts, *pair.tolist())
                     if growth > 0.0:
-                        tips.append(Tip(speed, (float(pair[0]), float(pair[1])), growth, threshold))
-    return tuple(sorted(tips))
+                        whirls = (float(pair[0]), float(pair[1]))
+                        resonances.append(CombinationResonance(speed, whirls, growth, threshold))
+    return tuple(sorted(resonances))
 
 
 def _tongue(
@@ -228,11 +231,11 @@ def nearest_tongue(
     Returns
     -------
     float or None
-        That of a :class:`Tip` of :func:`tongue_tips`, with the sign of ``speed`` [rad/s]; None if there is none.
+        That of one of the :func:`combination_resonances`, with the sign of ``speed`` [rad/s]; None if there is none.
     """
     if not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
-    tips = tongue_tips(unit, nonuniformity, model)
-    if not tips:
+    resonances = combination_resonances(unit, nonuniformity, model)
+    if not resonances:
         return None
-    return math.copysign(min((tip.speed for tip in tips), key=lambda at: abs(at - abs(speed))), speed)
+    return math.copysign(min((resonance.speed for resonance in resonances), key=lambda at: abs(at - abs(speed))), speed)

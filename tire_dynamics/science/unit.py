@@ -13,7 +13,7 @@ from typing import Any, Final, Literal
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
 
-__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "TURNING", "TireWheelUnit"]
+__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "ROTATING", "TireWheelUnit"]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
@@ -21,7 +21,7 @@ REACTION: Final = "reaction"
 HARMONICS: Final = ("radial_nonuniformity", "tangential_nonuniformity", "radial_runout")
 """The fields that are lists of (harmonic, amplitude, angle)."""
 
-TURNING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
+ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
 """The fields of what is not the same all around, and turns with the tire."""
 
 
@@ -82,8 +82,8 @@ class TireWheelUnit:
     radial_runout : sequence of (int, float, float)
         How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m].
     contact_stiffness : float
-        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest, :func:`.turning.contact_stiffness`.
-
+        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest,
+        :func:`.rotating_excitation.contact_stiffness`.
     vertical_stiffness : float
         Of the whole tire on the road, wheel held, at rest, K_v >= 0 [N/m]: load over displacement. What the belt and
         its sidewall do not give of it, the residual spring of the tread does. It must be below their own stiffness, to
@@ -187,7 +187,7 @@ class TireWheelUnit:
                 self.sidewall_stiffness / self.wheel_mass,
                 self.suspension_stiffness / self.wheel_mass,
                 self.sidewall_stiffness / self.fore_aft_mass,
-                1.0 if self.is_held else self.longitudinal_stiffness / self.fore_aft_mass,
+                1.0 if self.is_longitudinally_rigid else self.longitudinal_stiffness / self.fore_aft_mass,
             )
         except (ZeroDivisionError, OverflowError):
             return (math.inf,)
@@ -220,7 +220,7 @@ class TireWheelUnit:
         return 2.0 * self.zeta_s * self._sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
 
     @property
-    def is_held(self) -> bool:
+    def is_longitudinally_rigid(self) -> bool:
         """Whether the wheel cannot move fore and aft."""
         return self.longitudinal_stiffness == 0.0
 
@@ -293,6 +293,8 @@ class TireWheelUnit:
 
 
 NUMBERS: Final = tuple(
-    field.name for field in dataclasses.fields(TireWheelUnit) if field.name not in (*TURNING, *ROAD, "sidewall_damping")
+    field.name
+    for field in dataclasses.fields(TireWheelUnit)
+    if field.name not in (*ROTATING, *ROAD, "sidewall_damping")
 )
 """The fields of numbers that the uniform tire has, on the road or not."""

@@ -162,7 +162,7 @@ def critical_speed(
 ) -> float | None:
     """The lowest speed at which the unit loses stability [rad/s], or None if it never does.
 
-    Of a unit that is not uniform it is its mean's: :func:`.nonuniform.tongue_tips` has what comes beside.
+    Of a unit that is not uniform it is its mean's: :func:`.nonuniform.combination_resonances` has what comes beside.
 
     Parameters
     ----------

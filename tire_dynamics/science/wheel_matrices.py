@@ -87,7 +87,7 @@ def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = 
 
 def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
     """The number of states: 6 or 10, and two more for a wheel that gives fore and aft."""
-    return (6 if model == "inextensional" else 10) + 2 * (not unit.is_held)
+    return (6 if model == "inextensional" else 10) + 2 * (not unit.is_longitudinally_rigid)
 
 
 def _builder(model: str) -> Callable[..., FixedFrame]:
@@ -124,7 +124,7 @@ def _inextensional(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFra
     _set(force, 0, {1: -1.0 / m})  # a contact patch changes nothing here: s_1 = 1
     _set(force, 1, {0: 1.0 / m})
     system = FixedFrame(constant, spin, force, output, output_spin)
-    return system if unit.is_held else _inextensional_fore_and_aft(unit, system, kappa, d)
+    return system if unit.is_longitudinally_rigid else _inextensional_fore_and_aft(unit, system, kappa, d)
 
 
 def _inextensional_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, kappa: float, d: float) -> FixedFrame:
@@ -197,7 +197,7 @@ def _complete(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     _set(force, 1, {0: 1.0 / half_mass})
     _set(force, 3, {1: 1.0 / half_mass})
     system = FixedFrame(constant, spin, force, output, output_spin)
-    return system if unit.is_held else _complete_fore_and_aft(unit, system, d)
+    return system if unit.is_longitudinally_rigid else _complete_fore_and_aft(unit, system, d)
 
 
 def _complete_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, d: Any) -> FixedFrame:
@@ -304,7 +304,7 @@ def _periodic_inextensional(unit: TireWheelUnit, W: float, s: float, c: float) -
         A[0, [2, y]] += [d * s, d * W * c]
         A[1, [2, y]] += [d * c, -d * W * s]
         A[2, :3] += [m * d * s / M, m * d * c / M, -m * d / M]
-    if unit.is_held:
+    if unit.is_longitudinally_rigid:
         return A
     m_x, k_x, c_x, x = unit.fore_aft_mass, unit.longitudinal_stiffness, unit.longitudinal_damping, y + 1
     A[0, x], A[1, x] = kappa * c, -kappa * s
@@ -336,7 +336,7 @@ def _periodic_complete(unit: TireWheelUnit, W: float, s: float, c: float) -> Flo
     # The wheel's motion as the belt would have it: u_z = y sin(psi) + x cos(psi), u_theta = y cos(psi) - x sin(psi).
     along_y, along_x = np.array([s, c, c, -s]), np.array([c, -s, -s, -c])
     moved = [(4, M, along_y, along_x, 1.0)]  # number, mass, amplitudes, those of the other and the sign of their rate
-    if not unit.is_held:
+    if not unit.is_longitudinally_rigid:
         m_x = unit.fore_aft_mass
         damping[5, 5] = unit.longitudinal_damping / m_x
         stiffness[5, 5] = (math.pi * unit.radius * unit.width * (k_z + k_t) + unit.longitudinal_stiffness) / m_x
