@@ -7,7 +7,7 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tire_dynamics.science import nonuniform, turning, wheel
+from tire_dynamics.science import nonuniform, rotating_excitation, wheel
 from tire_dynamics.science.nonuniform import Nonuniformity
 
 STANDING = 1e-6  # rad/s; a slower spin is taken as this, for so short a time that nothing shows
@@ -18,7 +18,7 @@ def contact_load(unit, load, phi):
     if load <= 0.0:
         return load
     radius = sum(r * math.cos(j * (1.5 * math.pi - phi - chi)) for j, r, chi in unit.radial_runout)
-    return load + turning.contact_stiffness(unit) * radius
+    return load + rotating_excitation.contact_stiffness(unit) * radius
 
 
 def euler(unit, sidewall, model):
@@ -49,7 +49,7 @@ def integrate(unit, model, time, speed, force, start, phi=0.0, rtol=1e-13):
 
     DOP853 starts anew at each time, where the inputs have a kink.
     """
-    held, sidewall = unit.is_held, Nonuniformity.of(unit)
+    held, sidewall = unit.is_longitudinally_rigid, Nonuniformity.of(unit)
     push, euler_terms = wheel.fixed_frame(unit, model).input, euler(unit, sidewall, model)
     centrifugal = np.zeros(start.size)
     share = unit.ring_mass if model == "inextensional" else 0.5 * unit.ring_mass  # the mass of Z_1

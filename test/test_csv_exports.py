@@ -10,7 +10,7 @@ import pytest
 from test_csv_import import do_import, loads_of, speeds_of  # noqa: F401
 from test_readme import blocks
 
-from tire_dynamics import TireWheelUnit
+from tire_dynamics import TireWheelUnit, write_unit
 from tire_dynamics.bag import BagReader
 from tire_dynamics.cdr.messages import decode_wrench
 from tire_dynamics.cli.csv_import import RECORD
@@ -131,7 +131,7 @@ COMMANDS = commands()
 def export(tmp_path, monkeypatch):
     """Writes one of the files, and a tire."""
     monkeypatch.chdir(tmp_path)
-    TireWheelUnit.table_1(zeta_s=0.3, sidewall_damping="reaction").to_yaml("tire.yaml")
+    write_unit(TireWheelUnit.table_1(zeta_s=0.3, sidewall_damping="reaction"), "tire.yaml")
 
     def write(name):
         (tmp_path / f"{name}.csv").write_bytes(EXPORTS[name]().encode())

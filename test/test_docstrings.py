@@ -31,7 +31,7 @@ MODULES = [
     "science.contact",
     "science.contact_step",
     "science.nonuniform",
-    "science.turning",
+    "science.rotating_excitation",
     "science.uniformity",
 ]
 INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Pipeline, Vehicle, WheelEstimator]

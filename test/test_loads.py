@@ -12,11 +12,11 @@ import pytest
 from scipy.signal import butter, sosfiltfilt
 from simulated_car import GRAVITY, Car, Drive, simulate_drives
 
-from tire_dynamics import LoadFilter, SensorNoise, VehicleParameters, estimate_loads
+from tire_dynamics import LoadFilter, SensorNoise, VehicleParameters, estimate_loads, read_vehicle
 from tire_dynamics.cli.main import main
 
 REPOSITORY = Path(__file__).parents[1]
-CAR = VehicleParameters.from_yaml(REPOSITORY / "config" / "car.yaml")
+CAR = read_vehicle(REPOSITORY / "config" / "car.yaml")
 SETS = {"imu": "imu wheel_speed", "travel": "imu wheel_speed travel", "hub": "imu wheel_speed travel hub"}
 # RMS of the error over the static load, worst wheel; the same below a frequency [Hz]
 BARS = {"imu": (6.5, 2.0, 2.8), "travel": (6.0, 5.0, 1.2), "hub": (1.5, 20.0, 0.9)}

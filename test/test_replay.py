@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tire_dynamics import TireWheelUnit, simulate
+from tire_dynamics import TireWheelUnit, simulate, write_unit
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64
@@ -123,7 +123,7 @@ def wrenches(folder: Path, wheel: str = "wheel") -> np.ndarray:
 @pytest.mark.parametrize("unit", [MODAL, REACTION], ids=["modal", "reaction"])
 def test_constant_inputs_give_what_simulate_gives(tmp_path, unit):
     constant(tmp_path / "in", 2.0, speed=209.44, load=1961.33)
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     replay(tmp_path / "in", tmp_path / "out", config=tmp_path / "unit.yaml")
     rows = wrenches(tmp_path / "out")
     assert len(rows) == 996  # 500 Hz from BEGIN, which is a multiple of the period, to the last input at 1.99 s

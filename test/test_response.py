@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, simulate, wheel
+from tire_dynamics import TireWheelUnit, simulate, wheel, write_unit
 from tire_dynamics.cli.main import main
 
 TABLE_1 = TireWheelUnit.table_1()
@@ -375,7 +375,7 @@ def test_the_picture_has_the_numbers(tmp_path):
 
 def test_numbers_without_a_picture_need_no_matplotlib(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    TABLE_1.replace(zeta_1=0.5).to_yaml(tmp_path / "unit.yaml")
+    write_unit(TABLE_1.replace(zeta_1=0.5), tmp_path / "unit.yaml")
     arguments = ["response", "--speed-rpm", "6000", "--config", str(tmp_path / "unit.yaml"), "--model", "complete"]
     assert main([*arguments, "--points", "3", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
@@ -413,7 +413,7 @@ def test_what_the_command_refuses(tmp_path, monkeypatch, capsys, arguments, word
 
 def test_an_undamped_resonance_is_one_line(tmp_path, capsys):
     unit = TABLE_1.replace(zeta_1=0.0, zeta_s=0.0)
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     resonance = repr(float(wheel.whirl_frequencies(unit, 0.0)[1]))
     arguments = ("response", "--speed-rpm", "0", "--config", tmp_path / "unit.yaml", "--from", resonance, "--json")
     assert "frequencies has 78.52021319 Hz" in refused(capsys, *arguments)

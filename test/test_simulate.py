@@ -14,7 +14,7 @@ from scipy.integrate import solve_ivp
 from test_modes import Drive, Lagrangian, drives, units
 
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
-from tire_dynamics.science import turning
+from tire_dynamics.science import rotating_excitation
 
 MODAL, REACTION = "modal", "reaction"
 both = pytest.mark.parametrize("damping", [MODAL, REACTION])
@@ -236,7 +236,7 @@ RAMPS = {
 def axle_force_of(unit, model, speed, state, phi):
     """[x, z] of the axle in the fixed-frame state."""
     force = wheel.axle_force(unit.mean, speed, state, model)
-    if unit.is_held and not unit.is_uniform:  # of the springs alone; the dashpots do not vary
+    if unit.is_longitudinally_rigid and not unit.is_uniform:  # of the springs alone; the dashpots do not vary
         mean = unit.mean
         force[0] += ring_frame.pull_of_the_springs(unit, model, state, phi) - ring_frame.pull_of_the_springs(
             mean, model, state, phi
@@ -258,7 +258,7 @@ def test_linear_speed_of_any_unit(model, damping, tire, ramp):
     unit = TireWheelUnit.table_1(sidewall_damping=damping, **TIRES[tire])
     t = np.concatenate([[0.0], np.cumsum(lengths)])
     load, traction, phi = np.array([3000.0, 5000.0, 2500.0]), np.array([0.0, 800.0, -400.0]), 1.1
-    start = turning.steady_state(unit, speed[0], load[0], traction[0], phi, model)
+    start = rotating_excitation.steady_state(unit, speed[0], load[0], traction[0], phi, model)
     states, angles = ring_frame.integrate(unit, model, t, speed, np.stack([load, traction], axis=1), start, phi)
     axle = [axle_force_of(unit, model, *row) for row in zip(speed, states, angles, strict=True)]
     response = simulate(unit, t, speed, load, traction, model=model, angle=phi)

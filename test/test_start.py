@@ -134,7 +134,7 @@ def test_a_signal_at_each_line_of_the_start_ends_it(ros_domain, step):
 
 STUCK = """
 import time
-from tire_dynamics.ros.start import Stop
+from tire_dynamics.ros.stop import Stop
 
 stop = Stop()
 stop.listen()

@@ -19,8 +19,8 @@ from scipy.integrate import solve_ivp
 
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.estimator.motion import Motion
+from tire_dynamics.science.rotating_excitation import rotating_excitation
 from tire_dynamics.science.stepping import ExactStepper, solve_in_order
-from tire_dynamics.science.turning import turning
 
 UNITS = {
     (damping, model): (TireWheelUnit.table_1(sidewall_damping=damping), model)
@@ -154,7 +154,7 @@ def test_step_of_no_length_changes_nothing(unit, model):
 
 def norm_at(unit, model, speed):
     """What the length of a step is measured by: over 3 of it a step is taken in pieces."""
-    parts = turning(unit, model)
+    parts = rotating_excitation(unit, model)
     turning_with_it = parts.highest if parts.is_rotating else 0.0
     return parts.sizes[0] + abs(speed) * (parts.sizes[1] + turning_with_it) + parts.sizes[2]
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, ring, wheel
+from tire_dynamics import TireWheelUnit, read_tir_unit, read_unit, ring, wheel
 from tire_dynamics.cli.main import main
 from tire_dynamics.files.tir_file import TirFile, read_tir
 from tire_dynamics.files.tir_unit import OPEN_FIELDS, unit_from_tir
@@ -68,7 +68,7 @@ def changed(**values):
 def refusal(path, **fields):
     """The one line with which the file is refused."""
     with pytest.raises(ValueError) as caught:
-        TireWheelUnit.from_tir(path, **{**GIVEN, **fields})
+        read_tir_unit(path, **{**GIVEN, **fields})
     words = str(caught.value)
     assert "\n" not in words
     return words
@@ -79,7 +79,7 @@ def refusal(path, **fields):
 
 def test_the_known_tire(tmp_path):
     """205/60R15: k_1, a and the stiffnesses times a b to their printed digits, the ring's mass exact."""
-    unit = TireWheelUnit.from_tir(written(tmp_path, KNOWN), wheel_mass=12.0, suspension_stiffness=3.2e4)
+    unit = read_tir_unit(written(tmp_path, KNOWN), wheel_mass=12.0, suspension_stiffness=3.2e4)
     assert unit.sidewall_stiffness == pytest.approx(1.7038e6, abs=0.5e2)
     assert unit.radius == pytest.approx(0.2804, abs=0.5e-4)
     area = unit.radius * unit.width
@@ -92,7 +92,7 @@ def test_the_known_tire(tmp_path):
 
 def test_the_file_gets_its_frequencies_back(tmp_path):
     """The model at rest on a wheel that gives nothing: n = 1 at FREQ_LONG with DAMP_LONG, wind-up at its own."""
-    unit = TireWheelUnit.from_tir(written(tmp_path, KNOWN), wheel_mass=1e12, suspension_stiffness=1e18)
+    unit = read_tir_unit(written(tmp_path, KNOWN), wheel_mass=1e12, suspension_stiffness=1e18)
     [ring, *_] = wheel.whirl_frequencies(unit.replace(zeta_1=0.0, zeta_s=0.0), 0.0)
     assert ring == pytest.approx(77.17, rel=1e-9)
     exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, 0.0))
@@ -107,7 +107,7 @@ def test_vertical_stiffness_comes_back_as_force_over_displacement(tmp_path):
     """In the file's units; whatever n_max is, the residual spring makes up for what the belt does not give."""
     text = changed(LENGTH="'mm'", UNLOADED_RADIUS=313.5, WIDTH=205, INFLPRES=0.22, NOMPRES=0.2, BELT_IYY=0.5698e6)
     path = written(tmp_path, text + "[VERTICAL]\nVERTICAL_STIFFNESS = 190.0\n")
-    unit = TireWheelUnit.from_tir(path, **GIVEN)
+    unit = read_tir_unit(path, **GIVEN)
     assert unit.vertical_stiffness == 190e3
     for n_max in (1, 10, 30, 100):
         k_c = wheel.residual_stiffness(unit, n_max)
@@ -116,7 +116,7 @@ def test_vertical_stiffness_comes_back_as_force_over_displacement(tmp_path):
         belt = 0.0 if n_max == 1 else -ring.point_force_response(unit, 0.0, -1.0, 0.0, psi, numbers=numbers)[0][0]
         assert 1.0 / (1.0 / k_c + 1.0 / unit.sidewall_stiffness + belt) == pytest.approx(190e3, rel=1e-9)
         assert ring.static_stiffness(unit, n_max) == pytest.approx(190e3, rel=1e-12)
-    assert TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN).vertical_stiffness == 0.0
+    assert read_tir_unit(written(tmp_path, KNOWN), **GIVEN).vertical_stiffness == 0.0
 
 
 sizes = st.floats(0.0, 1.0)
@@ -132,7 +132,7 @@ def test_any_ring_comes_back(tmp_path_factory, mass, radius, long, windup, dampi
         **{"BELT_MASS": repr(m), "BELT_IYY": repr(m * a * a), "FREQ_LONG": repr(f), "FREQ_WINDUP": repr(f_windup)},
         **{"DAMP_LONG": repr(damping), "WIDTH": repr(b), "UNLOADED_RADIUS": None},
     ).replace("\nMASS = 9.3", "")
-    unit = TireWheelUnit.from_tir(written(tmp_path_factory.getbasetemp(), text), **GIVEN)
+    unit = read_tir_unit(written(tmp_path_factory.getbasetemp(), text), **GIVEN)
     turn = 2.0 * math.pi
     # 1e-12: repr() is exact, 15 digits of it are taken, and k_z may be a fiftieth of the difference that it is
     assert unit.ring_mass == pytest.approx(m, rel=1e-12) and unit.radius == pytest.approx(a, rel=1e-12)
@@ -171,7 +171,7 @@ def test_a_tire_like_table_1_comes_back_whole(tmp_path):
         BELT_MASS=repr(m), BELT_IYY=repr(inertia), FREQ_LONG=repr(TABLE_1.rigid_mode_frequency / (2.0 * math.pi)),
         FREQ_WINDUP=repr(math.sqrt(torsion / inertia) / (2.0 * math.pi)), DAMP_LONG=0.05, WIDTH=b, INFLPRES=2.07e5,
     )  # fmt: skip
-    unit = TireWheelUnit.from_tir(
+    unit = read_tir_unit(
         written(tmp_path, text), wheel_mass=TABLE_1.wheel_mass, suspension_stiffness=TABLE_1.suspension_stiffness
     )
     for name, value in TABLE_1.to_mapping().items():
@@ -238,8 +238,8 @@ def test_units(tmp_path, length, m, mass, kg, force, N, time, s, quote):
         BELT_MASS=7.247 / kg, BELT_IYY=0.5698 / (kg * m * m), FREQ_LONG=77.17 * s, FREQ_WINDUP=58.95 * s,
         WIDTH=0.205 / m, UNLOADED_RADIUS=0.3135 / m, INFLPRES=220e3 * m * m / N,
     ).replace("[UNITS]", f"[UNITS]\nMASS = {quote}{mass}{quote}")  # fmt: skip
-    unit = TireWheelUnit.from_tir(written(tmp_path, text), **GIVEN)
-    known = TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    unit = read_tir_unit(written(tmp_path, text), **GIVEN)
+    known = read_tir_unit(written(tmp_path, KNOWN), **GIVEN)
     for name, value in known.to_mapping().items():
         expected = value if isinstance(value, str) else pytest.approx(value, rel=1e-12)
         assert getattr(unit, name) == expected, name
@@ -247,7 +247,7 @@ def test_units(tmp_path, length, m, mass, kg, force, N, time, s, quote):
 
 def test_a_pressure_of_its_own_unit(tmp_path):
     text = changed(INFLPRES=2.2).replace("[UNITS]", "[UNITS]\nPRESSURE = 'bar'")
-    assert TireWheelUnit.from_tir(written(tmp_path, text), **GIVEN).inflation_pressure == 220e3
+    assert read_tir_unit(written(tmp_path, text), **GIVEN).inflation_pressure == 220e3
 
 
 @pytest.mark.parametrize(("key", "pressure"), [("INFLPRES", 220e3), ("NOMPRES", 200e3)])
@@ -266,7 +266,7 @@ def test_what_nothing_hangs_on_may_be_absurd(tmp_path):
 def test_without_units_they_are_SI_and_it_is_said(tmp_path):
     text = KNOWN.replace("[UNITS]", "[NOTHING]")
     unit, _, notes, *_ = unit_from_tir(written(tmp_path, text), **GIVEN)
-    assert unit == TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    assert unit == read_tir_unit(written(tmp_path, KNOWN), **GIVEN)
     assert notes[0] == "[UNITS] does not say LENGTH, MASS, FORCE, TIME; SI units are assumed"
 
 
@@ -323,14 +323,14 @@ def test_what_is_blank_or_zero_is_absent(tmp_path):
     assert unit.width == pytest.approx(TABLE_1.width / TABLE_1.radius * unit.radius, rel=1e-14)
     assert sources["inflation_pressure"].kind == "assumed" and notes == doubts == ()
     # no damping is one
-    assert TireWheelUnit.from_tir(written(tmp_path, changed(DAMP_LONG="0")), **GIVEN).zeta_1 == 0.0
+    assert read_tir_unit(written(tmp_path, changed(DAMP_LONG="0")), **GIVEN).zeta_1 == 0.0
 
 
 def test_without_any_header(tmp_path):
     """Keys as they stand, MASS once as a unit and once as a mass."""
     text = "\n".join(line for line in KNOWN.splitlines() if not line.startswith("[")) + "\n"
-    unit = TireWheelUnit.from_tir(written(tmp_path, text), **GIVEN)
-    assert unit == TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    unit = read_tir_unit(written(tmp_path, text), **GIVEN)
+    assert unit == read_tir_unit(written(tmp_path, KNOWN), **GIVEN)
 
 
 @pytest.mark.parametrize("line", ["WIDTH 0.205", "WIDTH: 0.205", "width\t:0.205 $ section"])
@@ -374,7 +374,7 @@ def test_doubts(tmp_path, text, words):
     doubts = unit_from_tir(path, **GIVEN).doubts
     assert any(words in doubt for doubt in doubts), doubts
     with pytest.warns(UserWarning) as caught:
-        TireWheelUnit.from_tir(path, **GIVEN)
+        read_tir_unit(path, **GIVEN)
     assert [str(each.message) for each in caught] == [f"{path}: {doubt}" for doubt in doubts]
 
 
@@ -427,7 +427,7 @@ def test_keys_that_are_given(tmp_path):
     text = changed(FREQ_LONG="heavy", LENGTH="mm", BELT_IYY="569800", UNLOADED_RADIUS="313.5", WIDTH=None,
                    INFLPRES="0.22", NOMPRES=None)  # fmt: skip
     made = unit_from_tir(written(tmp_path, text), **GIVEN, keys={"FREQ_LONG": 77.17, "width": "205"})
-    known = TireWheelUnit.from_tir(written(tmp_path, KNOWN), **GIVEN)
+    known = read_tir_unit(written(tmp_path, KNOWN), **GIVEN)
     for name, value in known.to_mapping().items():
         expected = value if isinstance(value, (str, list)) else pytest.approx(value, rel=1e-12)
         assert made.unit.to_mapping()[name] == expected, name
@@ -470,9 +470,9 @@ def test_keys_that_are_given(tmp_path):
 def test_every_way_to_write_it(tmp_path, text, encoding):
     if encoding == "latin-1":
         text = text.removeprefix("\ufeff") + "$ \x85 ends a line for Unicode, and is a letter of a code page\n"
-    unit = TireWheelUnit.from_tir(written(tmp_path, text, encoding), **GIVEN)
+    unit = read_tir_unit(written(tmp_path, text, encoding), **GIVEN)
     (tmp_path / "known").mkdir()
-    known = TireWheelUnit.from_tir(written(tmp_path / "known", KNOWN), **GIVEN)
+    known = read_tir_unit(written(tmp_path / "known", KNOWN), **GIVEN)
     assert unit == known
 
 
@@ -487,7 +487,7 @@ def test_any_bytes_give_a_unit_or_a_reason(tmp_path_factory, content):
     for whole in (content, KNOWN.encode() + content):
         path = written(tmp_path_factory.getbasetemp(), whole)
         try:
-            TireWheelUnit.from_tir(path, **GIVEN)
+            read_tir_unit(path, **GIVEN)
         except ValueError as error:
             assert str(path) in str(error)
 
@@ -545,9 +545,9 @@ def test_one_line_says_what_is_wrong(tmp_path, text, words):
 
 def test_no_file_at_all(tmp_path):
     with pytest.raises(FileNotFoundError):
-        TireWheelUnit.from_tir(tmp_path / "nowhere.tir", **GIVEN)
+        read_tir_unit(tmp_path / "nowhere.tir", **GIVEN)
     with pytest.raises(IsADirectoryError):
-        TireWheelUnit.from_tir(tmp_path, **GIVEN)
+        read_tir_unit(tmp_path, **GIVEN)
     os.mkfifo(tmp_path / "pipe.tir")
     assert "is not a file" in refusal(tmp_path / "pipe.tir")  # and does not wait for a writer
 
@@ -569,7 +569,7 @@ def test_the_yaml_is_a_unit_and_marks_what_is_assumed(tmp_path, capsys):
     assert main(["import-tir", str(path), "-o", str(output), *OPTIONS]) == 0
     out, err = capsys.readouterr()
     unit, sources, notes, *_ = unit_from_tir(path, **GIVEN)
-    assert TireWheelUnit.from_yaml(output) == unit
+    assert read_unit(output) == unit
     fields = [line for line in output.read_text().splitlines() if not line.startswith("#")]
     assert len(fields) == len(sources)
     for line, (name, source) in zip(fields, sources.items(), strict=True):
@@ -584,7 +584,7 @@ def test_the_yaml_serves_the_other_commands(tmp_path, capsys):
     arguments = ["import-tir", str(path), "-o", str(output), *OPTIONS, "--set", "sidewall_damping=reaction"]
     assert main([*arguments, "--set", "zeta_s=0.3", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
-    unit = TireWheelUnit.from_tir(path, **GIVEN, sidewall_damping="reaction", zeta_s=0.3)
+    unit = read_tir_unit(path, **GIVEN, sidewall_damping="reaction", zeta_s=0.3)
     assert said["unit"] == unit.to_mapping() and said["sidewall_stiffness_N_m"] == unit.sidewall_stiffness
     assert said["sources"]["zeta_s"] == {"kind": "given", "reason": "given"}
     assert main(["stability", "--speed-rpm", "800", "--config", str(output)]) == 0
@@ -596,7 +596,7 @@ def test_keys_and_lists_by_the_command(tmp_path, capsys):
     path, output = written(tmp_path, changed(FREQ_LONG=None)), tmp_path / "unit.yaml"
     arguments = ["import-tir", str(path), "-o", str(output), *OPTIONS, "--key", "freq_long=77.17", "-q"]
     assert main([*arguments, "--set", "radial_runout=[[1, 0.001, 0]]", "--set", "imbalance_mass=0.02"]) == 0
-    unit = TireWheelUnit.from_yaml(output)
+    unit = read_unit(output)
     assert unit.radial_runout == ((1, 0.001, 0.0),) and unit.imbalance_mass == 0.02
     assert unit.mean.sidewall_stiffness == pytest.approx(1.7038e6, abs=0.5e2)
 
@@ -612,7 +612,7 @@ def test_any_name_of_a_file(tmp_path, capsys):
     path.write_text(KNOWN)
     output = tmp_path / "unit.yaml"
     assert main(["import-tir", str(path), "-o", str(output), *OPTIONS]) == 0
-    assert TireWheelUnit.from_yaml(output).radius == pytest.approx(0.2804, abs=0.5e-4)
+    assert read_unit(output).radius == pytest.approx(0.2804, abs=0.5e-4)
 
 
 @pytest.mark.parametrize(
@@ -653,7 +653,7 @@ def test_force_replaces(tmp_path):
     path, output = written(tmp_path, KNOWN), tmp_path / "unit.yaml"
     output.write_text("mine")
     assert main(["import-tir", str(path), "-o", str(output), *OPTIONS, "--force", "--quiet"]) == 0
-    assert TireWheelUnit.from_yaml(output) == TireWheelUnit.from_tir(path, **GIVEN)
+    assert read_unit(output) == read_tir_unit(path, **GIVEN)
 
 
 def test_as_a_program(tmp_path):

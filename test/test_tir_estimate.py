@@ -10,7 +10,7 @@ from test_identify import CAR as VEHICLE
 from test_identify import recording
 from test_tir import GIVEN, OPTIONS, refused, written
 
-from tire_dynamics import TireWheelUnit
+from tire_dynamics import read_unit
 from tire_dynamics.cli.identify import prior_widths
 from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.identification import identify
@@ -210,7 +210,7 @@ def test_the_command_and_who_reads_its_errors(tmp_path, monkeypatch, capsys):
     said = capsys.readouterr().err
     assert "6 estimated" in said and "unit.errors.json, which --samples and --start read" in said
     assert all(f"note: {key} is estimated" in said for key in NEEDED)
-    unit = TireWheelUnit.from_yaml("unit.yaml")
+    unit = read_unit("unit.yaml")
     written = json.loads((tmp_path / "unit.errors.json").read_text())
     made = unit_from_tir("tire.tir", **GIVEN, estimate=True, sidewall_damping="reaction")
     assert unit == made.unit and dict(zip(written["fields"], written["relative_errors"], strict=True)) == (

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from .estimator.load_filter import LoadFilter, SensorNoise
     from .estimator.simulate import Response, simulate
     from .estimator.vehicle_parameters import VehicleParameters
+    from .files.tir_unit import read_tir_unit
+    from .files.unit_file import read_unit, write_unit
+    from .files.vehicle_file import read_vehicle
     from .science import floquet, ring, wheel
     from .science.unit import TireWheelUnit
 
@@ -26,9 +29,13 @@ __all__ = [
     "VehicleParameters",
     "estimate_loads",
     "floquet",
+    "read_tir_unit",
+    "read_unit",
+    "read_vehicle",
     "ring",
     "simulate",
     "wheel",
+    "write_unit",
 ]
 
 _HOMES = {
@@ -36,10 +43,14 @@ _HOMES = {
     "Response": ".estimator.simulate",
     "simulate": ".estimator.simulate",
     "LoadEstimate": ".estimator.load_estimate",
-    "estimate_loads": ".estimator.load_estimate",
     "LoadFilter": ".estimator.load_filter",
     "SensorNoise": ".estimator.load_filter",
     "VehicleParameters": ".estimator.vehicle_parameters",
+    "estimate_loads": ".estimator.load_estimate",
+    "read_tir_unit": ".files.tir_unit",
+    "read_unit": ".files.unit_file",
+    "read_vehicle": ".files.vehicle_file",
+    "write_unit": ".files.unit_file",
 }
 
 

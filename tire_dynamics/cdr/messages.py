@@ -71,9 +71,9 @@ STRING = "std_msgs/msg/String"
 TF = "tf2_msgs/msg/TFMessage"
 WRENCH_STAMPED = "geometry_msgs/msg/WrenchStamped"
 
-_LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-_BYTE_ORDER = {_LITTLE_ENDIAN[:2]: "<", b"\x00\x00": ">"}
-_BODY = 4  # the body, and with it all alignment, starts after the encapsulation header
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"
+_BYTE_ORDER = {LITTLE_ENDIAN[:2]: "<", b"\x00\x00": ">"}
+BODY = 4  # the body, and with it all alignment, starts after the encapsulation header
 _SECOND = 1_000_000_000  # ns
 _MAX_JOINT_STATE, _MAX_STRING = 2**20, 2**23  # bytes; beyond, what is made of them would take the memory
 _LAYOUTS = 8  # of the messages of one call, before the rest is taken one by one
@@ -114,13 +114,13 @@ class WrenchStamped(NamedTuple):
 
 def _byte_order(data: bytes) -> str:
     order = _BYTE_ORDER.get(bytes(data[:2]))
-    if order is None or len(data) < _BODY:
-        raise MessageError(f"not plain CDR: it begins with {bytes(data[:_BODY]).hex(' ') or 'nothing'}")
+    if order is None or len(data) < BODY:
+        raise MessageError(f"not plain CDR: it begins with {bytes(data[:BODY]).hex(' ') or 'nothing'}")
     return order
 
 
 def _aligned(position: int, size: int) -> int:
-    return position + (_BODY - position) % size
+    return position + (BODY - position) % size
 
 
 def _stamp(sec: int, nanosec: int) -> int:
@@ -131,13 +131,13 @@ def _stamp(sec: int, nanosec: int) -> int:
 
 def check_time(stamp_ns: int) -> None:
     """See that a time [ns] is within ROS time; ``MessageError`` if not."""
-    _sec_nanosec(stamp_ns)
+    sec_nanosec(stamp_ns)
 
 
 def joint_names(data: bytes) -> tuple[tuple[str, ...], int]:
     """The names of a sensor_msgs/JointState, and the position behind them; ``MessageError`` if there are none."""
     order = _byte_order(data)
-    _, position = _string(data, _BODY + 8, order, "header.frame_id")
+    _, position = _string(data, BODY + 8, order, "header.frame_id")
     count, position = _length(data, position, order, 4, "name")  # an empty string takes 4 bytes
     names = []
     for _ in range(count):
@@ -146,7 +146,7 @@ def joint_names(data: bytes) -> tuple[tuple[str, ...], int]:
     return tuple(names), position
 
 
-def _sec_nanosec(stamp_ns: int) -> tuple[int, int]:
+def sec_nanosec(stamp_ns: int) -> tuple[int, int]:
     """The fields of builtin_interfaces/Time; before the epoch sec is negative, nanosec never."""
     sec, nanosec = divmod(stamp_ns, _SECOND)
     if not -0x80000000 <= sec <= 0x7FFFFFFF:
@@ -190,10 +190,10 @@ def _doubles(data: bytes, position: int, order: str, what: str) -> tuple[tuple[f
 
 def _header(data: bytes, order: str) -> tuple[int, str, int]:
     """std_msgs/Header at the start of the body: stamp, frame_id, and the position behind it."""
-    if len(data) < _BODY + 8:
+    if len(data) < BODY + 8:
         raise MessageError("ends before header.stamp")
-    sec, nanosec = _TIME[order].unpack_from(data, _BODY)
-    frame_id, position = _string(data, _BODY + 8, order, "header.frame_id")
+    sec, nanosec = _TIME[order].unpack_from(data, BODY)
+    frame_id, position = _string(data, BODY + 8, order, "header.frame_id")
     return _stamp(sec, nanosec), frame_id, position
 
 
@@ -246,8 +246,8 @@ def _unread(count: int) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
 
 def _stamps(data: bytes, start: NDArray[np.int64], order: str) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """Whether the times at the beginning of messages are valid, and the times, 0 if not."""
-    sec = _columns(data, start + _BODY, 1, order + "i4")[:, 0].astype(np.int64)
-    nanosec = _columns(data, start + _BODY + 4, 1, order + "u4")[:, 0].astype(np.int64)
+    sec = _columns(data, start + BODY, 1, order + "i4")[:, 0].astype(np.int64)
+    nanosec = _columns(data, start + BODY + 4, 1, order + "u4")[:, 0].astype(np.int64)
     valid = nanosec < _SECOND
     return valid, np.where(valid, sec * _SECOND + nanosec, 0)
 
@@ -306,7 +306,7 @@ class WrenchDecoder:
         MessageError
             If the bytes are not such a message.
         """
-        known = data[_BODY + 8 : self._end] == self._frame and data[:_BODY] == self._encapsulation
+        known = data[BODY + 8 : self._end] == self._frame and data[:BODY] == self._encapsulation
         if not known or len(data) < self._position + 48:
             return self._decode_anew(data)
         sec, nanosec, fx, fy, fz = self._layout.unpack_from(data)
@@ -317,8 +317,8 @@ class WrenchDecoder:
         order = _byte_order(data)
         self._end = _header(data, order)[2]
         self._position = _aligned(self._end, 8)
-        self._layout = struct.Struct(f"{order}4xiI{self._position - _BODY - 8}x3d")
-        self._encapsulation, self._frame, self._frame_id = data[:_BODY], data[_BODY + 8 : self._end], wrench.frame_id
+        self._layout = struct.Struct(f"{order}4xiI{self._position - BODY - 8}x3d")
+        self._encapsulation, self._frame, self._frame_id = data[:BODY], data[BODY + 8 : self._end], wrench.frame_id
         return wrench
 
 
@@ -348,7 +348,7 @@ def decode_wrenches(
         decode_wrench(message)
         order = _byte_order(message)
         _, _, position = _header(message, order)
-        return (order, _aligned(position, 8)), [(_BODY + 8, position)]
+        return (order, _aligned(position, 8)), [(BODY + 8, position)]
 
     valid, stamp_ns = _unread(len(start))
     for some, (order, position) in _by_layout(data, start, size, layout):
@@ -388,11 +388,11 @@ class JointStateDecoder:
         if len(data) > _MAX_JOINT_STATE:
             raise MessageError(f"{len(data)} bytes are more than the state of joints takes")
         order = _byte_order(data)
-        if len(data) < _BODY + 8:
+        if len(data) < BODY + 8:
             raise MessageError("ends before header.stamp")
-        sec, nanosec = _TIME[order].unpack_from(data, _BODY)
+        sec, nanosec = _TIME[order].unpack_from(data, BODY)
         known_order, block, position, names = self._known
-        if order != known_order or data[_BODY + 8 : position] != block:
+        if order != known_order or data[BODY + 8 : position] != block:
             names, position = self._names(data, order)
         positions, end = _doubles(data, position, order, "position")
         velocities, end = _doubles(data, end, order, "velocity")
@@ -443,7 +443,7 @@ class JointStateDecoder:
         """Byte order, names, where the velocities are and as many positions, and how many."""
         self.decode(message)  # refuses what is none, and knows the names then
         order, _, position, names = self._known
-        fixed = [(_BODY + 8, position)]
+        fixed = [(BODY + 8, position)]
         sizes, places = [], []
         for what in ("position", "velocity", "effort"):
             count = _aligned(position, 4)
@@ -457,25 +457,25 @@ class JointStateDecoder:
 
     def _names(self, data: bytes, order: str) -> tuple[tuple[str, ...], int]:
         names, position = joint_names(data)
-        self._known = order, bytes(data[_BODY + 8 : position]), position, names
+        self._known = order, bytes(data[BODY + 8 : position]), position, names
         return names, position
 
 
 def decode_float64(data: bytes) -> float:
     """Decode std_msgs/Float64; ``MessageError`` if the bytes are not such a message."""
     order = _byte_order(data)
-    if len(data) < _BODY + 8:
+    if len(data) < BODY + 8:
         raise MessageError("ends before data")
-    value: float = _DOUBLE[order].unpack_from(data, _BODY)[0]
+    value: float = _DOUBLE[order].unpack_from(data, BODY)[0]
     return value
 
 
 def decode_clock(data: bytes) -> int:
     """Decode rosgraph_msgs/Clock to its time in ns; ``MessageError`` if the bytes are not such a message."""
     order = _byte_order(data)
-    if len(data) < _BODY + 8:
+    if len(data) < BODY + 8:
         raise MessageError("ends before clock")
-    return _stamp(*_TIME[order].unpack_from(data, _BODY))
+    return _stamp(*_TIME[order].unpack_from(data, BODY))
 
 
 def decode_float64s(
@@ -491,7 +491,7 @@ def decode_float64s(
 
     for some, order in _by_layout(data, start, size, layout):
         valid[some] = True
-        values[some] = _columns(data, start[some] + _BODY, 1, order + "f8")[:, 0]
+        values[some] = _columns(data, start[some] + BODY, 1, order + "f8")[:, 0]
     return valid, values
 
 
@@ -530,7 +530,7 @@ def decode_multi_array(data: bytes) -> tuple[list[tuple[str, int, int]], NDArray
         If the bytes are not such a message.
     """
     order = _byte_order(data)
-    count, position = _length(data, _BODY, order, 12, "layout.dim")  # label, size, stride: at least 12 bytes
+    count, position = _length(data, BODY, order, 12, "layout.dim")  # label, size, stride: at least 12 bytes
     dims = []
     for _ in range(count):
         label, position = _string(data, position, order, "layout.dim.label")
@@ -550,7 +550,7 @@ def _header_layout(frame_id: str) -> tuple[str, tuple[int, bytes], int]:
     return f"<4siII{len(raw)}s", (len(raw), raw), 12 + len(raw)
 
 
-def _encoded_string(text: str, position: int) -> bytes:
+def encoded_string(text: str, position: int) -> bytes:
     """A string at a body position, with the padding before it."""
     raw = text.encode() + b"\0"
     return bytes(-position % 4) + struct.pack("<I", len(raw)) + raw
@@ -578,8 +578,8 @@ def _time_columns(stamps: ArrayLike) -> list[tuple[int, str, NDArray[np.int64]]]
     """The columns of a stamp at the beginning of the body."""
     sec, nanosec = np.divmod(np.asarray(stamps, np.int64), _SECOND)
     for wrong in np.flatnonzero((sec < -0x80000000) | (sec > 0x7FFFFFFF))[:1]:
-        _sec_nanosec(int(np.asarray(stamps)[wrong]))
-    return [(_BODY, "<i4", sec), (_BODY + 4, "<u4", nanosec)]
+        sec_nanosec(int(np.asarray(stamps)[wrong]))
+    return [(BODY, "<i4", sec), (BODY + 4, "<u4", nanosec)]
 
 
 class WrenchEncoder:
@@ -597,7 +597,7 @@ class WrenchEncoder:
 
     def encode(self, stamp_ns: int, fx: float, fz: float) -> bytes:
         """One message with the force (fx, 0, fz) [N]; ``MessageError`` if the stamp is outside ROS time."""
-        return self._layout.pack(_LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, fx, 0.0, fz, 0.0, 0.0, 0.0)
+        return self._layout.pack(LITTLE_ENDIAN, *sec_nanosec(stamp_ns), *self._frame, fx, 0.0, fz, 0.0, 0.0, 0.0)
 
     def encode_block(self, stamps: ArrayLike, fx: ArrayLike, fz: ArrayLike) -> list[bytes]:
         """Many messages: stamps [ns] and forces [N], all (N,)."""
@@ -620,7 +620,7 @@ class JointStateEncoder:
         header, self._frame, start = _header_layout("")
         block = bytes(-start % 4) + struct.pack("<I", len(names))
         for name in names:
-            block += _encoded_string(name, start + len(block))
+            block += encoded_string(name, start + len(block))
         block += bytes(-(start + len(block)) % 4) + struct.pack("<2I", 0, len(names))  # no position; velocity
         if names:
             block += bytes(-(start + len(block)) % 8)
@@ -629,7 +629,7 @@ class JointStateEncoder:
 
     def encode(self, stamp_ns: int, velocities: Sequence[float]) -> bytes:
         """One message with the velocities [rad/s]; ``MessageError`` if the stamp is outside ROS time."""
-        return self._layout.pack(_LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, self._names, *velocities)
+        return self._layout.pack(LITTLE_ENDIAN, *sec_nanosec(stamp_ns), *self._frame, self._names, *velocities)
 
 
 class DeflectionEncoder:
@@ -645,10 +645,10 @@ class DeflectionEncoder:
         self._shape = (2, points)
         body = struct.pack("<I", 2)
         for label, size, stride in (("component", 2, 2 * points), ("angle", points, points)):
-            body += _encoded_string(label, len(body))
+            body += encoded_string(label, len(body))
             body += bytes(-len(body) % 4) + struct.pack("<2I", size, stride)
         body += struct.pack("<2I", 0, 2 * points)  # data_offset; length of data
-        self._head = _LITTLE_ENDIAN + body + bytes(-len(body) % 8)
+        self._head = LITTLE_ENDIAN + body + bytes(-len(body) % 8)
 
     def encode(self, deflection: ArrayLike) -> bytes:
         """One message.
@@ -694,7 +694,7 @@ class RingShapeEncoder:
         step = 4 * len(self.FIELDS)
         block = bytes(-start % 4) + struct.pack("<3I", 1, points, len(self.FIELDS))  # height, width
         for number, name in enumerate(self.FIELDS):
-            block += _encoded_string(name, start + len(block))
+            block += encoded_string(name, start + len(block))
             block += bytes(-(start + len(block)) % 4) + struct.pack("<IB3xI", 4 * number, float32, 1)
         # is_bigendian false, then the steps and the length of data
         block += struct.pack("<B3x3I", 0, step, step * points, step * points)
@@ -724,7 +724,7 @@ class RingShapeEncoder:
         if values.shape != self._shape:
             raise ValueError(f"shape: shape {values.shape}, must be {self._shape}")
         return self._layout.pack(
-            _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns), *self._frame, self._block, values.tobytes(), True
+            LITTLE_ENDIAN, *sec_nanosec(stamp_ns), *self._frame, self._block, values.tobytes(), True
         )
 
     def encode_block(self, stamps: ArrayLike, shapes: ArrayLike) -> list[bytes]:
@@ -749,12 +749,12 @@ def ring_points(data: bytes, points: int) -> NDArray[np.float64]:
 
 def encode_float64(value: float) -> bytes:
     """Encode std_msgs/Float64."""
-    return struct.pack("<4sd", _LITTLE_ENDIAN, value)
+    return struct.pack("<4sd", LITTLE_ENDIAN, value)
 
 
 def encode_clock(stamp_ns: int) -> bytes:
     """Encode rosgraph_msgs/Clock; ``MessageError`` if the time is outside ROS time."""
-    return struct.pack("<4siI", _LITTLE_ENDIAN, *_sec_nanosec(stamp_ns))
+    return struct.pack("<4siI", LITTLE_ENDIAN, *sec_nanosec(stamp_ns))
 
 
 def encode_clocks(stamps: ArrayLike) -> list[bytes]:
@@ -768,20 +768,20 @@ def encode_static_transforms(
     """Encode tf2_msgs/TFMessage: frames at positions (x, y, z) [m] in a parent, turned like it."""
     body = struct.pack("<I", len(children))
     for child, position in zip(children, positions, strict=True):
-        body += bytes(-len(body) % 4) + struct.pack("<iI", *_sec_nanosec(stamp_ns))
+        body += bytes(-len(body) % 4) + struct.pack("<iI", *sec_nanosec(stamp_ns))
         for frame in (parent, child):
-            body += _encoded_string(frame, len(body))
+            body += encoded_string(frame, len(body))
         body += bytes(-len(body) % 8) + struct.pack("<7d", *position, 0.0, 0.0, 0.0, 1.0)
-    return _LITTLE_ENDIAN + body
+    return LITTLE_ENDIAN + body
 
 
 def encode_string(text: str) -> bytes:
     """Encode std_msgs/String."""
-    return _LITTLE_ENDIAN + _encoded_string(text, 0)
+    return LITTLE_ENDIAN + encoded_string(text, 0)
 
 
 def decode_string(data: bytes) -> str:
     """Decode std_msgs/String; ``MessageError`` if the bytes are not such a message."""
     if len(data) > _MAX_STRING:
         raise MessageError(f"{len(data)} bytes are more than any text here takes")
-    return _string(data, _BODY, _byte_order(data), "data")[0]
+    return _string(data, BODY, _byte_order(data), "data")[0]

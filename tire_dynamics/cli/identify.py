@@ -494,7 +494,7 @@ def _content(found: Identification) -> dict[str, Any]:
 
 
 def yaml_of(found: Identification, name: str, errors: str) -> str:
-    """The unit as ``TireWheelUnit.from_yaml`` reads it; what was fitted has a comment with its error."""
+    """The unit as ``read_unit`` reads it; what was fitted has a comment with its error."""
     from ..files.yaml_file import yaml_value
     from ..science.uncertainty import value_of
 

@@ -202,7 +202,7 @@ def _short(value: Any) -> str:
 
 
 def yaml_of(result: TirUnit, name: str) -> str:
-    """The unit as ``TireWheelUnit.from_yaml`` reads it, each field with a comment that says where it comes from."""
+    """The unit as ``read_unit`` reads it, each field with a comment that says where it comes from."""
     from ..files.yaml_file import yaml_value
 
     title = name if name.isprintable() else ascii(name)

@@ -162,11 +162,12 @@ def read_vehicle(path: Path | None) -> VehicleParameters:
         There is none, or the file is not one of a car: what is needed is listed.
     """
     from ..estimator.vehicle_parameters import VehicleParameters
+    from ..files import vehicle_file
 
     try:
         if path is None:
             return VehicleParameters.from_mapping({})
-        return VehicleParameters.from_yaml(path)
+        return vehicle_file.read_vehicle(path)
     except FileNotFoundError:
         assert path is not None
         raise missing(path) from None

@@ -258,11 +258,11 @@ def _tongues(
     from matplotlib.figure import Figure
 
     from ..science.floquet import VERDICTS
-    from ..science.nonuniform import Nonuniformity, is_genuine
+    from ..science.nonuniform import Nonuniformity, is_irreducibly_periodic
 
     if "speed" not in (x[0], y[0]) or request.quantity != "stability":
         raise ValueError(f"{_SCALE} can be an axis of a map of stability, beside speed or speed_rpm")
-    if not is_genuine(request.unit, request.model):
+    if not is_irreducibly_periodic(request.unit, request.model):
         raise ValueError(f"{_SCALE} cannot be an axis: the unit's sidewall is uniform as far as n = 1 feels it")
     speeds, scales = (x[1], y[1]) if x[0] == "speed" else (y[1], x[1])
     columns = over(partial(_column, request.unit.mean, Nonuniformity.of(request.unit), scales, request.model), speeds)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import math
-from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,66 +17,15 @@ from ..files.outputs import aside, writable
 from .answer import answer
 
 if TYPE_CHECKING:
-    from ..science.unit import TireWheelUnit
+    from ..figures.bode import Bode
 
-__all__ = ["PATHS", "ROAD_PATHS", "Bode", "add_arguments", "compute", "run"]
+__all__ = ["add_arguments", "compute", "run"]
 
-PATHS = {  # output and input, as indices of the response
-    "load_to_force_z": (1, 0),
-    "load_to_force_x": (0, 0),
-    "traction_to_force_z": (1, 1),
-    "traction_to_force_x": (0, 1),
-}
-ROAD_PATHS = {  # N/m of road, - of traction
-    "road_to_force_z": (1, 0),
-    "road_to_force_x": (0, 0),
-    "road_to_contact_force": (2, 0),
-    "traction_to_force_z": (1, 1),
-    "traction_to_force_x": (0, 1),
-    "traction_to_contact_force": (2, 1),
-}
 MAX_RPM = 1e7
 MAX_HZ = 1e6
 MOST_POINTS = 20_000
 MOST_SPEEDS = 20
 RPM = math.pi / 30.0
-
-
-@dataclass(frozen=True)
-class Bode:
-    """What is drawn and written.
-
-    Attributes
-    ----------
-    unit, model
-        Of what.
-    speeds : tuple of float, S
-        [rpm]
-    frequencies : ndarray, shape (N,)
-        [Hz]
-    response : ndarray of complex, shape (S, N, 2, 2)
-        As :func:`.wheel.frequency_response` returns it.
-    whirl : tuple of ndarray, S
-        Damped frequencies of n = 1 and the wheel at each speed [Hz].
-    verdicts : tuple of str, S
-        Of :func:`.wheel.stability`.
-    contact : bool
-        Whether it is the tire on the road: the first input is then its height, and the third output the contact force.
-    """
-
-    unit: TireWheelUnit
-    model: str
-    speeds: tuple[float, ...]
-    frequencies: Any
-    response: Any
-    whirl: tuple[Any, ...]
-    verdicts: tuple[str, ...]
-    contact: bool = False
-
-    @property
-    def paths(self) -> dict[str, tuple[int, int]]:
-        """Names of outputs per inputs, and their places in the response."""
-        return ROAD_PATHS if self.contact else PATHS
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -152,6 +100,7 @@ def compute(options: argparse.Namespace) -> Bode:
     """The numbers that the options ask for; ``InputError`` says which option is wrong, and how."""
     import numpy as np
 
+    from ..figures.bode import Bode
     from ..replay.parameters import complete, read_config, unit_of
     from ..science import wheel
 

@@ -19,7 +19,7 @@ from scipy import interpolate, linalg, optimize, signal
 from ..science import wheel
 from ..science.spectra import Spectra, Transfer
 from ..science.uncertainty import value_of, with_values
-from ..science.unit import ROAD, TURNING, TireWheelUnit
+from ..science.unit import ROAD, ROTATING, TireWheelUnit
 from .simulate import simulate
 
 __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recording", "Seen", "identify"]
@@ -47,7 +47,7 @@ UNSEEN: Final[Mapping[str, str]] = {
     "thickness": _ONLY_MASS,
     "contact_half_angle": "the whole load reaches n = 1, however long the patch is",
     **dict.fromkeys(ROAD, "it matters on the road alone, and what is fitted is the response to a load"),
-    **dict.fromkeys(TURNING, "it turns with the tire, and what is fitted is the response of the mean tire"),
+    **dict.fromkeys(ROTATING, "it turns with the tire, and what is fitted is the response of the mean tire"),
     "sidewall_damping": "it is a choice, not a number; compare the noise that two fits leave",
 }
 """Why the other fields cannot be fitted."""
@@ -262,7 +262,7 @@ def _check(start: TireWheelUnit, fit: Sequence[str], axes: str, prior_width: flo
             raise ValueError(f"{name} cannot be fitted: {UNSEEN[name]}")
         if name not in FITTED:
             raise ValueError(f"{name[:100]!r} is no parameter that can be fitted; those are {', '.join(FITTED)}")
-        if name in FORE_AFT and start.is_held:
+        if name in FORE_AFT and start.is_longitudinally_rigid:
             raise ValueError(
                 f"{name} cannot be fitted: the starting unit's longitudinal_stiffness is 0, which holds it"
             )

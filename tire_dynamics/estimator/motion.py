@@ -6,7 +6,7 @@ In the fixed frame, with the speed Omega, the load and the traction linear over 
     dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance
               - h M^-1 N^T kappa exp(2 i phi) conj(N q)
 
-(:mod:`~tire_dynamics.science.turning`; E makes the Euler terms of the complete model). Everything in it is an entire
+(:mod:`.rotating_excitation`; E makes the Euler terms of the complete model). Everything in it is an entire
 function of tau, so that the Taylor coefficients of z follow one from the other. The series is summed until what is
 left is below the rounding of a double; it has no truncation error at any step length. Long steps are cut into pieces
 over which the norm is small, and where nothing rotates with the tire a very long one is doubled up.
@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import turning, wheel
+from ..science import rotating_excitation, wheel
 from ..science.unit import TireWheelUnit
 from .settings import check_wheel
 
@@ -125,13 +125,13 @@ class Motion:
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire from now on. Positions and velocities go on as they are; a wheel is let go at rest."""
-        parts, frame = turning.turning(unit, self.model), wheel.fixed_frame(unit, self.model)
+        parts, frame = rotating_excitation.rotating_excitation(unit, self.model), wheel.fixed_frame(unit, self.model)
         states = wheel.states(unit, self.model)
         self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
         n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
         self.runouts = len(parts.runout)
-        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_held
+        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
         self.harmonics, self.highest = max(self.runouts, 2), parts.highest
         # of the accelerations alone: the displacements' rows only say that their rates are the velocities
         self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])

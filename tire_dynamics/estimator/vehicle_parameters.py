@@ -7,10 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from os import PathLike
 from typing import Any, Final
-
-from ..files.yaml_file import read_yaml
 
 __all__ = ["VehicleParameters"]
 
@@ -139,23 +136,6 @@ class VehicleParameters:
                 "the load estimate needs to know more of the vehicle; missing: " + ", ".join(map(_described, missing))
             )
         return cls(**mapping)
-
-    @classmethod
-    def from_yaml(cls, path: str | PathLike[str]) -> VehicleParameters:
-        """A car from a YAML file of field names and values, such as ``config/car.yaml``.
-
-        Parameters
-        ----------
-        path : path
-
-        Raises
-        ------
-        OSError
-            The file cannot be read.
-        ValueError
-            It is not such a mapping, or a field is unknown, missing or out of bounds.
-        """
-        return cls.from_mapping(read_yaml(path))
 
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values, lists as lists."""

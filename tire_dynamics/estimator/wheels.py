@@ -11,7 +11,7 @@ from typing import Any, SupportsIndex
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import turning, wheel
+from ..science import rotating_excitation, wheel
 from ..science.unit import TireWheelUnit
 from .settings import VehicleSettings, check_wheel
 
@@ -227,7 +227,7 @@ class Wheels:
         speed, load, traction = self.schedule.speed, self.schedule.load, self.schedule.traction
         angle = 0.0 if math.isnan(self.schedule.angle) else self.schedule.angle
         with np.errstate(all="ignore"):  # a unit that is no tire may have no finite state, and has diverged then
-            state = turning.steady_state(self.unit, speed, load, traction, angle, self.model)
+            state = rotating_excitation.steady_state(self.unit, speed, load, traction, angle, self.model)
         self.motion.put(index, state, speed, angle)
         self.belt.start(index, speed, load, traction)
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from ..science.nonuniform import Tip
+from ..science.nonuniform import CombinationResonance
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .road_drawings import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 from .tables import (
@@ -322,7 +322,7 @@ def tongues(table: Table) -> Figure:
     return figure
 
 
-def _tip(ax: Axes, tip: Tip, eps: FloatArray) -> None:
+def _tip(ax: Axes, tip: CombinationResonance, eps: FloatArray) -> None:
     """Where a tongue is predicted to begin, and its sides."""
     ax.plot(tip.speed / RPM, tip.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
     above = np.append(tip.threshold, eps[eps > tip.threshold])

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, MultipleLocator, NullFormatter
 
-from ..cli.response import Bode
+from .bode import Bode
 from .drawings import LINES, MARKERS, WIDTH
 
 __all__ = ["draw"]

@@ -18,7 +18,7 @@ from ..estimator.simulate import simulate
 from ..science import ring, wheel
 from ..science.coefficients import Model
 from ..science.modes import RingModes
-from ..science.nonuniform import Nonuniformity, Tip, tongue_map, tongue_tips
+from ..science.nonuniform import CombinationResonance, Nonuniformity, combination_resonances, tongue_map
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .road_tables import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 
@@ -224,11 +224,11 @@ def sidewall(eps: float) -> Nonuniformity:
     return Nonuniformity(((2, 2.0 * eps, 0.0),), ((2, 2.0 * eps, 0.5 * math.pi),))
 
 
-def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[Tip, ...]]:
+def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[CombinationResonance, ...]]:
     """Table 1 with this damping, and where its tongues begin; growth per eps [1/s], thresholds as eps."""
     unit = TireWheelUnit.table_1(zeta_1=zeta, zeta_s=zeta)
     some = 0.01
-    tips = tongue_tips(unit, sidewall(some))
+    tips = combination_resonances(unit, sidewall(some))
     return unit, tuple(tip._replace(growth=tip.growth / some, threshold=tip.threshold * some) for tip in tips)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from typing import Any, Final, Literal, NamedTuple
@@ -18,11 +19,11 @@ from scipy import optimize
 
 from ..science.coefficients import static_compliance
 from ..science.uncertainty import UNCERTAIN, value_of
-from ..science.unit import TURNING, TireWheelUnit
+from ..science.unit import ROTATING, TireWheelUnit
 from .tir_estimate import RULES, Estimate, estimated, stiffness_of_size
 from .tir_file import KEYS, PRESSURES, TirFile
 
-__all__ = ["OPEN_FIELDS", "Errors", "Source", "TirUnit", "unit_from_tir"]
+__all__ = ["OPEN_FIELDS", "Errors", "Source", "TirUnit", "read_tir_unit", "unit_from_tir"]
 
 FloatArray = NDArray[np.float64]
 
@@ -89,6 +90,29 @@ class TirUnit(NamedTuple):
 
 _NEEDED = ("BELT_MASS", "BELT_IYY", "FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG")
 _RADIUS = (0.05, 2.5)  # [m]
+
+
+def read_tir_unit(
+    path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
+) -> TireWheelUnit:
+    """The unit of :func:`unit_from_tir` alone; what is doubtful about the file is a warning.
+
+    Parameters
+    ----------
+    path : path
+    wheel_mass, suspension_stiffness : float
+        M [kg] and k_s [N/m], which no property file has.
+    **fields
+        As of :func:`unit_from_tir`, whose errors are raised too.
+
+    Returns
+    -------
+    TireWheelUnit
+    """
+    whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
+    for doubt in whole.doubts:
+        warnings.warn(f"{path}: {doubt}", stacklevel=2)
+    return whole.unit
 
 
 def unit_from_tir(
@@ -230,7 +254,7 @@ def _made(file: TirFile, given: Mapping[str, Any], estimates: Mapping[str, Estim
     put("sidewall_damping", _TABLE_1.sidewall_damping, "", by_default)
     put("longitudinal_stiffness", _TABLE_1.longitudinal_stiffness, "", "the default, a wheel that is held")
     put("longitudinal_mass", _TABLE_1.longitudinal_mass, "", "the default, wheel_mass")
-    for name in TURNING:
+    for name in ROTATING:
         put(name, getattr(_TABLE_1, name), "", "the default, a tire that is the same all around")
 
     notes = list(_notes(file, mass, estimates))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..cdr import messages
 from ..estimator.vehicle import Vehicle
-from ..science.turning import turning
+from ..science.rotating_excitation import rotating_excitation
 from .parameters import complete, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream
 
@@ -180,7 +180,7 @@ class Pipeline:
     def prepare(self, values: Mapping[str, Any]) -> None:
         """Have what takes long in :meth:`set_values` with the same values done before, on any thread."""
         unit, model = unit_of(complete({**self.values, **values})), self.vehicle.settings.model
-        turning(unit, model)  # which is remembered
+        rotating_excitation(unit, model)  # which is remembered
 
     def set_values(self, values: Mapping[str, Any]) -> None:
         """Change parameters that may change while the wheels turn, from now on."""

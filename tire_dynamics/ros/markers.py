@@ -7,7 +7,7 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..cdr.messages import _BODY, _LITTLE_ENDIAN, _encoded_string, _sec_nanosec
+from ..cdr.messages import BODY, LITTLE_ENDIAN, encoded_string, sec_nanosec
 
 __all__ = ["MARKER_ARRAY", "MarkerBuilder"]
 
@@ -46,7 +46,7 @@ class MarkerBuilder:
             ("axle_force", _ARROW, arrow, _BLUE, 2),
             ("contact_load", _ARROW, arrow, _ORANGE, 2),
         )
-        duration = _sec_nanosec(round(1e9 * lifetime))
+        duration = sec_nanosec(round(1e9 * lifetime))
         self._points = points
         self._lowest = round(0.75 * points) % points  # psi = 2 pi j/P, 3 pi/2 at the road
         self._message, stamps, (belt, axle, contact) = _marker_array(frame_id, number, forms, duration)
@@ -109,11 +109,11 @@ def _marker_array(
         body.extend(bytes(-len(body) % alignment))
         position = len(body)
         body.extend(struct.pack("<" + layout, *values))
-        return _BODY + position
+        return BODY + position
 
     def put_texts(*texts: str) -> None:
         for text in texts:
-            body.extend(_encoded_string(text, len(body)))
+            body.extend(encoded_string(text, len(body)))
 
     for namespace, kind, scale, colour, points in forms:
         stamps.append(put("iI", 4, 0, 0))
@@ -131,11 +131,11 @@ def _marker_array(
         put("II", 4, 0, 0)  # its data; uv_coordinates
         put_texts("", "", "")  # text, mesh_resource, the name of mesh_file
         put("I?", 4, 0, False)  # its data; mesh_use_embedded_materials
-    return bytearray(_LITTLE_ENDIAN) + body, stamps, places
+    return bytearray(LITTLE_ENDIAN) + body, stamps, places
 
 
 def _stamped(message: bytearray, stamps: list[int], stamp_ns: int) -> bytes:
-    sec, nanosec = _sec_nanosec(stamp_ns)
+    sec, nanosec = sec_nanosec(stamp_ns)
     for position in stamps:
         struct.pack_into("<iI", message, position, sec, nanosec)
     return bytes(message)

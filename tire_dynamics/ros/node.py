@@ -35,7 +35,7 @@ from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
-from .start import Stop
+from .stop import Stop
 from .uniformity_monitor import Variations, variation_of
 from .worker import Worker
 

@@ -20,7 +20,7 @@ from test_node import wrench
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.bag import BagReader
 from tire_dynamics.replay.replay import replay
-from tire_dynamics.science import nonuniform, turning
+from tire_dynamics.science import nonuniform, rotating_excitation
 from tire_dynamics.science.nonuniform import Nonuniformity
 
 SPEED, LOAD, RATE = 100.0, 3000.0, 200.0
@@ -72,7 +72,7 @@ def diagnosis(heard) -> dict[str, str]:
 def expected_variation(harmonic: int) -> complex:
     """Of the axle's z in the steady state over a turn, A exp(i phase) of A cos(j phi - phase) [N]."""
     phi = 2.0 * math.pi * np.arange(64) / 64
-    states = [turning.steady_state(UNIT, SPEED, LOAD, 0.0, each) for each in phi.tolist()]
+    states = [rotating_excitation.steady_state(UNIT, SPEED, LOAD, 0.0, each) for each in phi.tolist()]
     z = np.array([wheel.axle_force(UNIT, SPEED, state)[1] for state in states])
     return 2.0 * np.mean(z * np.exp(1j * harmonic * phi))
 
@@ -95,7 +95,7 @@ def test_the_diagnostics_have_the_variation_at_the_wheels_angle(bench, tmp_path)
     seen = len(heard)
     one.until(lambda: len(heard) > seen + 2, "one without the start")
     said = diagnosis(heard)
-    assert float(said["RFV over [turns]"]) >= 10.0 and said["periodicity"] == "genuine"
+    assert float(said["RFV over [turns]"]) >= 10.0 and said["periodicity"] == "irreducible"
     for j in (1, 2, 3):
         expected = expected_variation(j)
         size = float(said["RFV by harmonic [N]"].split()[j - 1])
@@ -105,7 +105,7 @@ def test_the_diagnostics_have_the_variation_at_the_wheels_angle(bench, tmp_path)
     service = one.call(Trigger, "/wheel/floquet_stability", Trigger.Request())
     reply = json.loads(service.message)
     sidewall = Nonuniformity.of(UNIT)
-    assert reply["periodicity"] == "genuine"
+    assert reply["periodicity"] == "irreducible"
     assert reply["nearest_tongue_rad_s"] == nonuniform.nearest_tongue(UNIT, sidewall, SPEED)
     expected = nonuniform.stability(UNIT, sidewall, reply["speed_rad_s"])
     assert reply["spectral_radius"] == expected.spectral_radius and reply["verdict"] == expected.verdict
@@ -146,7 +146,7 @@ def test_a_tire_changes_while_it_turns(bench):
     refused = change([2.0, 1.5, 0.0])
     assert not refused.successful and "tire.radial_nonuniformity" in refused.reason and "> 0" in refused.reason
     assert change([2.0, 0.1, 0.0]).successful
-    one.until(lambda: diagnosis(heard).get("periodicity") == "genuine", "a verdict on the other tire")
+    one.until(lambda: diagnosis(heard).get("periodicity") == "irreducible", "a verdict on the other tire")
     assert diagnosis(heard)["nearest tongue [rad/s]"] != "none"
     refused = change(["2.0"])
     assert not refused.successful and "tire.radial_nonuniformity" in refused.reason

@@ -18,7 +18,7 @@ from tire_dynamics.build_state import how_to_compile, is_compiled
 from tire_dynamics.estimator.motion import Motion
 from tire_dynamics.estimator.vehicle import stability_reply
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
-from tire_dynamics.science import nonuniform, ring, turning, wheel
+from tire_dynamics.science import nonuniform, ring, rotating_excitation, wheel
 from tire_dynamics.science.nonuniform import Nonuniformity
 
 MS = 1_000_000  # ns
@@ -41,7 +41,7 @@ UNITS = {
 def started(unit, model, speed, load, traction=0.0, angle=0.0):
     """A wheel in the steady state, as the estimator starts one."""
     motion = Motion(unit, model, 1)
-    motion.put(0, turning.steady_state(unit, speed, load, traction, angle, model), speed, angle)
+    motion.put(0, rotating_excitation.steady_state(unit, speed, load, traction, angle, model), speed, angle)
     return motion
 
 
@@ -58,7 +58,7 @@ def steps(motion, count, seconds, *inputs):
 def test_against_integration_in_the_rings_frame(unit, speed, model):
     """Tolerance: a few thousand steps of DOP853, each allowed 3e-14 of the state."""
     load, traction, phi_0, duration = 3000.0, 400.0, 1.1, 0.06
-    start = turning.steady_state(unit, speed, load, traction, phi_0, model)
+    start = rotating_excitation.steady_state(unit, speed, load, traction, phi_0, model)
     inputs = [0.0, duration], [speed] * 2, [(load, traction)] * 2
     (_, expected), _ = ring_frame.integrate(unit, model, *inputs, start, phi_0, rtol=3e-14)
     for step in (0.5e-3, 2e-3, 20e-3):
@@ -104,9 +104,9 @@ def test_the_contacts_stiffness_is_the_rings_at_rest(half_angle):
     u_z, _ = ring.steady_response(TABLE_1, 0.0, 1.0, psi, n_max=100)
     point = 1.0 / (1.0 / TABLE_1.sidewall_stiffness - u_z[0])
     if half_angle == 0.0:
-        assert turning.contact_stiffness(unit) == pytest.approx(point, rel=1e-12)
-    assert turning.contact_stiffness(unit) >= point * (1.0 - 1e-12)
-    assert turning.contact_stiffness(unit.replace(contact_stiffness=1e5)) == 1e5
+        assert rotating_excitation.contact_stiffness(unit) == pytest.approx(point, rel=1e-12)
+    assert rotating_excitation.contact_stiffness(unit) >= point * (1.0 - 1e-12)
+    assert rotating_excitation.contact_stiffness(unit.replace(contact_stiffness=1e5)) == 1e5
 
 
 @pytest.mark.parametrize("speed", [80.0, -200.0])
@@ -120,7 +120,7 @@ def test_imbalance_on_a_round_support_is_a_whirl(speed):
     Z, W = np.linalg.solve([[k - m * speed**2, -k], [-k, k + K - M * speed**2]], [push, 0.0])
     for phi in (0.0, 2.0):
         turn = np.exp(1j * phi)
-        state = turning.steady_state(unit, speed, 0.0, 0.0, phi)
+        state = rotating_excitation.steady_state(unit, speed, 0.0, 0.0, phi)
         expected = [(Z * turn).real, (Z * turn).imag, (W * turn).imag, (W * turn).real]  # X, Y, y, x
         assert state[4:] == pytest.approx(expected, rel=1e-11, abs=1e-18)
         rates = [1j * speed * Z * turn, 1j * speed * W * turn]
@@ -131,8 +131,8 @@ def test_an_imbalance_grows_with_the_square_of_the_speed_and_points_where_it_is(
     """Far below all frequencies the axle carries m_u a Omega^2 where the mass is: x_ros = -X, z = Y."""
     unit = TABLE_1.replace(**IMBALANCE, sidewall_damping="reaction")
     for speed in (0.5, 1.0):
-        state = turning.steady_state(unit, speed, 0.0, 0.0, 0.4)
-        parts = turning.turning(unit)
+        state = rotating_excitation.steady_state(unit, speed, 0.0, 0.0, 0.4)
+        parts = rotating_excitation.rotating_excitation(unit)
         x, z = wheel.axle_force(unit, speed, state)
         assert parts.is_rotating and not parts.spring.any()
         size, angle = unit.imbalance_mass * unit.radius * speed**2, unit.imbalance_angle + 0.4
@@ -141,7 +141,7 @@ def test_an_imbalance_grows_with_the_square_of_the_speed_and_points_where_it_is(
 
 
 def test_run_out_needs_a_load():
-    lifted, loaded = (turning.steady_state(UNITS["run-out"], 100.0, load) for load in (0.0, 1.0))
+    lifted, loaded = (rotating_excitation.steady_state(UNITS["run-out"], 100.0, load) for load in (0.0, 1.0))
     assert not lifted.any()
     motion = steps(started(UNITS["run-out"], "inextensional", 100.0, 0.0, angle=0.3), 50, 1e-3, 100.0, 0.0)
     assert not motion.state_of(0).any() and np.abs(loaded).max() > 0.0
@@ -156,7 +156,7 @@ def test_forces_that_turn_have_an_exact_steady_state(name, model):
     """The equations stay linear: whatever it is left alone for, the motion stays what it was at the start."""
     unit, speed = UNITS[name], 130.0
     motion = steps(started(unit, model, speed, 2500.0, 100.0, 0.2), 300, 2e-3, speed, 2500.0, 100.0)
-    expected = turning.steady_state(unit, speed, 2500.0, 100.0, 0.2 + speed * 0.6, model)
+    expected = rotating_excitation.steady_state(unit, speed, 2500.0, 100.0, 0.2 + speed * 0.6, model)
     assert np.abs(motion.state_of(0) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
@@ -166,7 +166,7 @@ def test_a_sidewalls_steady_state_is_right_to_first_order():
     for scale in (0.02, 0.01):
         unit = TABLE_1.replace(radial_nonuniformity=[(2, scale, 0.5)])
         motion = steps(started(unit, "inextensional", 100.0, 3000.0), 20, 2e-3, 100.0, 3000.0)
-        expected = turning.steady_state(unit, 100.0, 3000.0, 0.0, 100.0 * 0.04)
+        expected = rotating_excitation.steady_state(unit, 100.0, 3000.0, 0.0, 100.0 * 0.04)
         left.append(np.abs(motion.state_of(0) - expected).max())
     assert left[0] == pytest.approx(4.0 * left[1], rel=0.1)
 
@@ -175,7 +175,7 @@ def test_a_resonance_without_damping_starts_from_the_mean():
     """The hop frequency of Table 1 at zeta = 0: the imbalance has no steady answer."""
     unit = TABLE_1.replace(**IMBALANCE, zeta_1=0.0, zeta_s=0.0)
     hop = wheel.whirl_frequencies(unit, 0.0)[0]
-    state = turning.steady_state(unit, float(hop), 1000.0)
+    state = rotating_excitation.steady_state(unit, float(hop), 1000.0)
     assert np.isfinite(state).all()
 
 
@@ -210,7 +210,7 @@ def test_energy_on_a_round_support_over_a_million_steps():
     )  # fmt: skip
     speed = 100.0
     start = np.array([0.3, -0.2, 0.1, 0.4, 1e-3, 2e-3, -1e-3, 5e-4])
-    assert not nonuniform.is_genuine(unit)
+    assert not nonuniform.is_irreducibly_periodic(unit)
     states, phases = million_steps(unit, start, speed, 1e-3, 1000)
     m, M, k, K = unit.ring_mass, unit.wheel_mass, unit.sidewall_stiffness, unit.suspension_stiffness
     e = Nonuniformity.of(unit).second_harmonic(unit)
@@ -248,7 +248,7 @@ def test_multipliers_of_a_held_wheel_over_a_million_steps():
     turn = solve_ivp(slope, (0.0, steps * step), np.diag(scale).ravel(), method="DOP853", rtol=1e-13, atol=1e-16)
     turn = turn.y[:, -1].reshape(6, 6) / scale[:, None]
     values, modes = np.linalg.eig(turn)
-    assert np.abs(np.abs(values) - 1.0).max() < 1e-10 and nonuniform.is_genuine(unit)
+    assert np.abs(np.abs(values) - 1.0).max() < 1e-10 and nonuniform.is_irreducibly_periodic(unit)
     parts = np.linalg.inv(modes)
     start = np.array([0.3, -0.2, 0.1, 1e-3, 2e-3, -1e-3])
     states, _ = million_steps(unit, start, speed, step, steps)
@@ -272,13 +272,13 @@ def turned_axes(phi, speed, n):
 
 @pytest.mark.parametrize("model", ["inextensional", "complete"])
 @pytest.mark.parametrize("damping", ["modal", "reaction"])
-@pytest.mark.parametrize(("change", "genuine"), [({}, False), ({"longitudinal_mass": 9.0}, True), (None, True)])
+@pytest.mark.parametrize(("change", "irreducible"), [({}, False), ({"longitudinal_mass": 9.0}, True), (None, True)])
 def test_reducible_is_what_axes_that_turn_make_constant(model, damping, change, genuine):
     """On a support without direction; one that differs in mass alone, or holds the wheel, leaves it periodic."""
     round_support = {"longitudinal_stiffness": TABLE_1.suspension_stiffness, "longitudinal_damping_ratio": 0.05}
     unit = TABLE_1.replace(**SIDEWALL, sidewall_damping=damping, **({} if change is None else round_support | change))
-    assert nonuniform.is_genuine(unit, model) == genuine
-    assert not nonuniform.is_genuine(unit.mean, model)
+    assert nonuniform.is_irreducibly_periodic(unit, model) == genuine
+    assert not nonuniform.is_irreducibly_periodic(unit.mean, model)
     if change is None:
         return
     matrices = []

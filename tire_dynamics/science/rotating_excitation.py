@@ -25,7 +25,7 @@ from .nonuniform import Nonuniformity, sidewall
 from .stepping import solve_in_order
 from .unit import TireWheelUnit
 
-__all__ = ["Turning", "contact_stiffness", "steady_state", "turning"]
+__all__ = ["RotatingExcitation", "contact_stiffness", "rotating_excitation", "steady_state"]
 
 FloatArray = NDArray[np.float64]
 
@@ -34,7 +34,7 @@ _MODES = 100  # whose static shapes make the contact's deflection
 _FOURTH = 4  # harmonic of the spin that a stiffness of the second makes of its own response
 
 
-class Turning(NamedTuple):
+class RotatingExcitation(NamedTuple):
     """The parts of the system in the module's notes, for a unit with n states, p kinds of springs and J harmonics.
 
     Attributes
@@ -77,7 +77,7 @@ class Turning(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turning:
+def rotating_excitation(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> RotatingExcitation:
     """The system as stepping needs it, with what turns with a unit that n = 1 or the load could feel.
 
     Parameters
@@ -87,7 +87,7 @@ def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turnin
 
     Returns
     -------
-    Turning
+    RotatingExcitation
         Its arrays are shared, and cannot be written to.
     """
     mean = wheel.fixed_frame(unit, model)
@@ -125,7 +125,9 @@ def turning(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> Turnin
     arrays = [system, spin, forces, seen, spring, rotating, runout, norms := np.array(sizes), along_x]
     for array in arrays:
         array.setflags(write=False)
-    return Turning(system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x, is_rotating)
+    return RotatingExcitation(
+        system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x, is_rotating
+    )
 
 
 def _rounded_up(size: float) -> float:
@@ -197,7 +199,7 @@ def steady_state(
         times as fast as the wheel. Where one has none, being in resonance without damping, they are left out.
     """
     mean = wheel.equilibrium(unit, speed, load, traction, model)
-    parts = turning(unit, model)
+    parts = rotating_excitation(unit, model)
     if not parts.is_rotating:
         return mean
     n = mean.size
