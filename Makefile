@@ -45,7 +45,7 @@ help:  ## this list
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
-	$(PY) -m tire_dynamics.doors.demo
+	$(PY) -m tire_dynamics.ros.demo
 
 check: $(READY)  ## while working: lint, types and every test under half a second, in less than 2 minutes
 	$(call each,lint types tests-quick)

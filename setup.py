@@ -51,11 +51,11 @@ def extension(module):
     return Extension(module, [f"{source}.py"], depends=["setup.py", *glob("tire_dynamics/**/*.pxd", recursive=True)])
 
 
-scripts = ["tire-dynamics = tire_dynamics.doors.cli:main"]
+scripts = ["tire-dynamics = tire_dynamics.cli.main:main"]
 # `ros2 run tire_dynamics node` looks for this name in lib/tire_dynamics, where colcon's commands put it.
 # pip puts scripts onto the PATH, where `node` is Node.js; there the same thing is `tire-dynamics node`.
 if {"install", "develop"} & set(sys.argv):
-    scripts.append("node = tire_dynamics.doors.cli:node")
+    scripts.append("node = tire_dynamics.cli.main:node")
 
 # ROS 2 Jazzy comes as wheels for this platform only; elsewhere the extra installs nothing and a ROS
 # installation provides rclpy.
@@ -75,7 +75,7 @@ setup(
     maintainer_email="maintainers@tire-dynamics.example",
     license="Apache-2.0",
     packages=find_packages(include=["tire_dynamics", "tire_dynamics.*"]),
-    package_data={"tire_dynamics.doors.report": ["template.html"]},
+    package_data={"tire_dynamics.report": ["template.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tire_dynamics"]),
         ("share/tire_dynamics", ["package.xml"]),

@@ -37,9 +37,9 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import lsim
 from scipy.special import k1
 
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JOINT_STATE, WRENCH_STAMPED, JointStateEncoder, WrenchEncoder
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import JOINT_STATE, WRENCH_STAMPED, JointStateEncoder, WrenchEncoder
+from tire_dynamics.files.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -13,6 +13,8 @@ from collections.abc import Iterable, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
+from tire_dynamics.build_state import is_compiled
+
 
 def parser(description: str, *, repeats: int) -> argparse.ArgumentParser:
     """A parser with the options that every benchmark has."""
@@ -53,9 +55,9 @@ def print_table(header: Sequence[str], rows: Iterable[Sequence[object]]) -> None
 
 
 def machine() -> dict[str, Any]:
-    """The kind of machine and the versions that the figures depend on."""
+    """The kind of machine, how the core runs, and the versions that the figures depend on."""
     versions = {}
-    for package in ("numpy", "scipy", "numba", "mcap", "mcap-ros2-support", "rosbags", "ros-jazzy-rclpy"):
+    for package in ("numpy", "scipy", "mcap", "mcap-ros2-support", "rosbags", "ros-jazzy-rclpy"):
         try:
             versions[package] = version(package)
         except PackageNotFoundError:
@@ -65,15 +67,17 @@ def machine() -> dict[str, Any]:
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
         "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
+        "core": "compiled" if is_compiled() else "interpreted",
         "packages": versions,
     }
 
 
 def print_machine() -> None:
-    """:func:`machine` in one line."""
+    """:func:`machine` in two lines."""
     kind = machine()
     packages = ", ".join(f"{name} {number}" for name, number in kind["packages"].items())
-    print(f"{kind['cpu']}, {kind['cores']} cores, {kind['system']}, Python {kind['python']}, {packages}", flush=True)
+    print(f"{kind['cpu']}, {kind['cores']} cores, {kind['system']}, Python {kind['python']}, {packages}")
+    print(f"the core is {kind['core']}", flush=True)
 
 
 def write_json(path: str | None, subject: str, figures: Any) -> None:

@@ -16,11 +16,11 @@ from pathlib import Path
 import numpy as np
 from harness import print_machine, print_table, write_json
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.log import CHUNK_SIZE, LogFiles
-from tire_dynamics.doors.parameters import complete
-from tire_dynamics.doors.wiring import TICK, Wiring
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.parameters import complete
+from tire_dynamics.replay.pipeline import TICK, Pipeline
+from tire_dynamics.ros.log import CHUNK_SIZE, LogFiles
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SECOND = 10**9
@@ -91,14 +91,14 @@ def resident() -> float:
 
 def one_second(values: dict[str, object]) -> tuple[dict[str, tuple[str, str]], Messages]:
     """The topics of a log, and the messages of one second of it behind one in which the wheels start."""
-    wiring = Wiring(values)
-    topics = {f"/{name}": (msgtype, "sensor_data") for name, msgtype in wiring.inputs.items()}
-    topics |= {f"/{name}": (msgtype, "default") for name, msgtype in wiring.outputs.items()}
+    pipeline = Pipeline(values)
+    topics = {f"/{name}": (msgtype, "sensor_data") for name, msgtype in pipeline.inputs.items()}
+    topics |= {f"/{name}": (msgtype, "default") for name, msgtype in pipeline.outputs.items()}
     topics[TICK.replace("~", "/tire_dynamics")] = (messages.CLOCK, "default")
     joints = messages.JointStateEncoder(list(WHEELS))
     loads = messages.WrenchEncoder("wheel")
     noise = np.random.default_rng(1992)
-    period = wiring.vehicle.settings.period
+    period = pipeline.vehicle.settings.period
     found: Messages = []
     for tick in range(2 * SECOND // period):
         now = BEGIN + tick * period
@@ -107,8 +107,8 @@ def one_second(values: dict[str, object]) -> tuple[dict[str, tuple[str, str]], M
             taken.append(("joint_states", joints.encode(now, (80.0 + noise.normal(size=4)).tolist())))
         taken += [(f"{wheel}/load", loads.encode(now, 0.0, 4000.0 + 300.0 * noise.normal())) for wheel in WHEELS]
         for topic, data in taken:
-            wiring.receive(topic, now, data)
-        out = [(TICK.replace("~", "tire_dynamics"), messages.encode_clock(now)), *wiring.tick(now), *wiring.belts()]
+            pipeline.receive(topic, now, data)
+        out = [(TICK.replace("~", "tire_dynamics"), messages.encode_clock(now)), *pipeline.tick(now), *pipeline.belts()]
         if now >= BEGIN + SECOND:
             found += [(f"/{topic}", now - BEGIN - SECOND, data) for topic, data in (*taken, *out)]
     return topics, found

@@ -86,7 +86,7 @@ def our_node(rate: float, log: Path | None, varying: bool = False, model: str = 
         **({f"tire.{name}": value for name, value in VARYING.items()} if varying else {}),
     }
     parameters = [part for name, value in values.items() for part in ("-p", f"{name}:={value}")]
-    return [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args", *parameters, "--log-level", "warn"]
+    return [sys.executable, "-m", "tire_dynamics.cli.main", "node", "--ros-args", *parameters, "--log-level", "warn"]
 
 
 def null_node(rate: float, log: Path | None, pacing: str = PACINGS[0]) -> list[str]:
@@ -98,9 +98,9 @@ def null_node(rate: float, log: Path | None, pacing: str = PACINGS[0]) -> list[s
 
 
 @contextlib.contextmanager
-def running(command: Sequence[str]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that ends with the block, whatever ends that."""
-    process = subprocess.Popen(command)
+def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen[bytes]]:
+    """A process, with the options of Popen, that ends with the block, whatever ends that."""
+    process = subprocess.Popen(command, **options)
     try:
         yield process
     finally:

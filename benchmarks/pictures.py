@@ -28,9 +28,9 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.markers import MARKER_ARRAY
-from tire_dynamics.doors.parameters import complete, read_config
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.replay.parameters import complete, read_config
+from tire_dynamics.ros.markers import MARKER_ARRAY
 
 ROOT = Path(__file__).resolve().parents[1]
 WORK = ROOT / "build" / "pictures"
@@ -160,7 +160,7 @@ def record() -> Path:
 
 
 def start(*arguments: str) -> subprocess.Popen[bytes]:
-    return subprocess.Popen([sys.executable, "-m", "tire_dynamics.doors.cli", *arguments])
+    return subprocess.Popen([sys.executable, "-m", "tire_dynamics.cli.main", *arguments])
 
 
 @contextlib.contextmanager

@@ -34,10 +34,9 @@ from harness import parser, peak_memory, print_machine, print_table, shown, spre
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.science import kernels
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.replay import replay
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND
@@ -47,22 +46,17 @@ SHORT = 10  # [s] of driving for ready-made messages and for the libraries
 CHUNK = 2**20  # bytes, as replay has it
 HOUR = 3600.0
 RECORD = messages.STRING
-BULK_TARGET, LIBRARY_TARGET, FLOOR_TARGET, MEMORY_TARGET = 100.0, 30.0, 1.3, 1.1
+SPEED_TARGET, FLOOR_TARGET, MEMORY_TARGET = 100.0, 1.3, 1.1
 
-OURS = {
-    "ours": "replay, compiled, chunks in bulk",
-    "ours numpy": "replay, NumPy, chunks in bulk",
-    "ours library": "replay, compiled, mcap library's writer",
-    "ours numpy library": "replay, NumPy, mcap library's writer",
-}
+OURS = {"ours": "replay"}
 FLOORS = {
     "floor": "floor: mcap library reads, struct decodes, mcap library writes",
     "floor reader": "floor: our reader and decoder, mcap library writes",
     "floor bulk": "floor: our reader and decoder, our writer",
 }
 LIBRARIES = {"rosbags": "rosbags decodes, encodes, writes", "mcap_ros2": "mcap_ros2 decodes, encodes, writes"}
-NEEDED = {"ours": "numba", "ours library": "numba", "rosbags": "rosbags", "mcap_ros2": "mcap_ros2"}
-INSTALL = {"numba": "numba", "rosbags": "rosbags", "mcap_ros2": "mcap-ros2-support"}
+NEEDED = {"rosbags": "rosbags", "mcap_ros2": "mcap_ros2"}
+INSTALL = {"rosbags": "rosbags", "mcap_ros2": "mcap-ros2-support"}
 
 
 def main() -> None:
@@ -117,9 +111,8 @@ def measured(folder: Path, seconds: int, repeats: int) -> dict[str, Any]:
             rows[f"against_{floor}"] = spread(run["wall"] * scale / f for run, f in zip(found, other, strict=True))
         figures["cases"][case] = rows
     digests = {case: {run["digest"] for run in found} for case, found in runs.items() if case in OURS}
-    for pair in (("ours", "ours numpy"), ("ours library", "ours numpy library")):
-        if len(set().union(*(digests.get(case, set()) for case in pair))) != 1:
-            raise SystemExit(f"{' and '.join(pair)}: their outputs are not the same bytes")
+    if len(digests["ours"]) != 1:
+        raise SystemExit("replays of one bag are not the same bytes")
     if len({runs[case][0]["messages"] for case in cases if case not in LIBRARIES}) != 1:
         raise SystemExit("the floor does not write as many messages as replay")
     return figures
@@ -127,8 +120,7 @@ def measured(folder: Path, seconds: int, repeats: int) -> dict[str, Any]:
 
 def memory(folder: Path, seconds: int, longer: int) -> dict[str, Any]:
     """Peak memory [MiB] and x real time for the bag and a longer one."""
-    case = "ours" if find_spec("numba") else "ours numpy"
-    short, long = (child(folder, case, source) for source in ("input", "longer"))
+    short, long = (child(folder, "ours", source) for source in ("input", "longer"))
     return {
         "seconds": [seconds, longer * seconds],
         "mib": [short["memory"], long["memory"]],
@@ -149,7 +141,7 @@ def report(figures: dict[str, Any], seconds: int, repeats: int) -> None:
     rows = []
     for case, row in figures["cases"].items():
         against = [shown(row[f"against_{floor}"]) for floor in FLOORS]
-        goal = {"ours": f">= {BULK_TARGET:g} x", "ours library": f">= {LIBRARY_TARGET:g} x, / floor <= {FLOOR_TARGET}"}
+        goal = {"ours": f">= {SPEED_TARGET:g} x, / in bulk <= {FLOOR_TARGET}"}
         rows.append(
             (names[case], shown(row["wall"], ".1f"), shown(row["cpu"], ".1f"), shown(row["real_time"], ".1f"))
             + (*against, goal.get(case, ""))
@@ -242,15 +234,10 @@ class LibraryBag(BagWriter):
 
 def ours(folder: Path, source: Path, case: str) -> dict[str, Any]:
     """A replay."""
-    module = kernels
-    if "numpy" not in case:
-        from tire_dynamics.science import compiled as module
-    if "library" in case:
-        sys.modules[replay.__module__].BagWriter = LibraryBag  # type: ignore[attr-defined]
     output = folder / "output"
-    replay(folder / "short", output, force=True, kernels=module)
+    replay(folder / "short", output, force=True)
     clock = Clock()
-    replay(source, output, force=True, kernels=module)
+    replay(source, output, force=True)
     figures = clock.figures()
     with open(output / "output_0.mcap", "rb") as file:
         figures["digest"] = hashlib.sha256(file.read()).hexdigest() if source.name == "input" else ""

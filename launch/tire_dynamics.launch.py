@@ -42,7 +42,7 @@ def start_node(context):
     params_file = given("params_file")
     wheels = names("wheels")
     if not wheels and "{wheel}" in "".join(map(given, [*NAMES, *TOPICS])):
-        from tire_dynamics.doors.parameters import read_config
+        from tire_dynamics.replay.parameters import read_config
 
         wheels = read_config(params_file).get("wheels", ["wheel"])
 

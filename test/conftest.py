@@ -51,6 +51,15 @@ def _rested(lock: Path) -> float:
         return 0.0
 
 
+@pytest.fixture(scope="session")
+def fullcar():
+    """The folder with a simulated car's sensors and loads, made by another program; not part of this repository."""
+    folder = Path(os.environ.get("TIRE_DYNAMICS_FULLCAR", REPOSITORY.parent / "shared" / "data" / "fullcar"))
+    if not (folder / "truth.csv").is_file():
+        pytest.skip(f"no simulated car in {folder}: TIRE_DYNAMICS_FULLCAR names the folder of truth.csv")
+    return folder
+
+
 @pytest.fixture
 def ros_domain(monkeypatch, tmp_path):
     """A ROS domain id that no other test on this machine has while this one runs.

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors.analyst import Analyst
 from tire_dynamics.estimator.vehicle import stability_reply
+from tire_dynamics.ros.analyst import Analyst
 
 VARYING = TireWheelUnit.table_1(radial_nonuniformity=[(2, 0.1, 0.4)])
 

@@ -26,10 +26,10 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from rosbags.rosbag2 import Writer as RosbagsWriter
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter, definitions
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
+from tire_dynamics.bag import BagReader, BagWriter, definitions
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
+from tire_dynamics.files.errors import InputError
 
 store = get_typestore(Stores.ROS2_JAZZY)
 OUR_TYPES = [
@@ -419,8 +419,8 @@ def test_a_bag_written_in_place_is_closed_when_its_block_raises(tmp_path):
 
 KILLED_WRITER = """
 import os, signal, sys
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.messages import FLOAT64, encode_float64
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import FLOAT64, encode_float64
 
 writer = BagWriter(sys.argv[1], chunk_size=1000, metadata={"note": {"key": "value"}})
 handle = writer.add_topic("/speed", FLOAT64)
@@ -508,9 +508,9 @@ GOOD = {"storage_identifier": "mcap", "compression_mode": "", "relative_file_pat
         ({"relative_file_paths": ["gone_0.mcap"]}, "does not exist"),
         ({"relative_file_paths": []}, "lists no file"),
         ({"relative_file_paths": 3}, "is not the description of a bag"),
-        ({"storage_identifier": "sqlite3"}, "sqlite3"),
-        ({"compression_mode": "message"}, "message"),
-        ({"compression_mode": "FILE"}, "FILE"),
+        ({"storage_identifier": "rocksdb"}, "its storage is 'rocksdb'"),
+        ({"compression_mode": "odd", "compression_format": "zstd"}, "its compression_mode is 'odd'"),
+        ({"compression_mode": "message", "compression_format": "lz5"}, "its compression_format is 'lz5'"),
     ],
 )
 def test_a_folder_whose_description_cannot_be_used(tmp_path, change, reason):
@@ -553,7 +553,7 @@ def test_another_encoding_is_refused_when_it_is_wanted(tmp_path):
             list(BagReader(path).messages(topics))
 
 
-def test_a_topic_of_two_types_is_refused(tmp_path):
+def test_a_topic_of_two_types_says_both(tmp_path):
     path = tmp_path / "file.mcap"
     with open(path, "wb") as file:
         writer = Writer(file)
@@ -561,8 +561,7 @@ def test_a_topic_of_two_types_is_refused(tmp_path):
         for name in ("a/msg/A", "a/msg/B"):
             writer.register_channel("/speed", "cdr", writer.register_schema(name, "ros2msg", b""))
         writer.finish()
-    with pytest.raises(InputError, match="/speed has two types, a/msg/A and a/msg/B"):
-        BagReader(path)
+    assert BagReader(path).topics == {"/speed": "a/msg/A, a/msg/B"}
 
 
 @pytest.mark.slow
@@ -664,7 +663,7 @@ def test_a_record_that_lies_about_its_length_costs_nothing(tmp_path):
 
 
 def test_messages_far_out_of_order_are_refused_before_they_fill_the_memory(tmp_path, monkeypatch):
-    monkeypatch.setattr("tire_dynamics.doors.bag.reader._MAX_PENDING", 100_000)
+    monkeypatch.setattr("tire_dynamics.bag.reader._MAX_PENDING", 100_000)
     folder = tmp_path / "bag"
     write_floats(folder, [t for start in range(100) for t in range(start, 100_000, 1000)], chunk_size=3000)
     with pytest.raises(InputError, match="too far out of order"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 import tracemalloc
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -12,20 +13,21 @@ import pytest
 import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.data_stream import RecordBuilder
 from mcap.reader import NonSeekingReader, make_reader
-from mcap.records import Chunk
+from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as LibraryWriter
 from rosbags.rosbag2 import Reader as RosbagsReader
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.bag import reader as reader_module
-from tire_dynamics.doors.bag.chunks import ChunkWriter
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import (
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.bag import reader as reader_module
+from tire_dynamics.bag import records as records_module
+from tire_dynamics.bag.chunks import ChunkWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import (
     DeflectionEncoder,
     JointStateDecoder,
     MessageError,
@@ -34,6 +36,7 @@ from tire_dynamics.doors.messages import (
     encode_clock,
     encode_float64,
 )
+from tire_dynamics.files.errors import InputError
 
 store = get_typestore(Stores.ROS2_JAZZY)
 T = store.types
@@ -104,8 +107,28 @@ def test_zstd_chunks_hold_what_the_mcap_librarys_do(tmp_path):
     assert contents[0] == contents[1] and len(contents[0]) > 10
 
 
-def write_bag(folder: Path, sent: Messages, calls: list[int] | None = None, **options) -> bytes:
+def write_records(writer: BagWriter, some: Messages) -> None:
+    """Messages as the records of a file that they are in, made by the mcap library."""
+    data, starts = RecordBuilder(), []
+    for topic, log_time, publish_time, payload in some:
+        starts.append(data.count)
+        Message(topic, log_time, payload, publish_time, 0).write(data)
+    counts = Counter(message[0] for message in some)
+    times = [message[1] for message in some]
+    writer.write_records(data.end(), np.array(starts, np.int64), counts, (min(times), max(times)))
+
+
+def write_bag(
+    folder: Path, sent: Messages, calls: list[int] | None = None, *, as_records: bool = False, **options
+) -> bytes:
     """The bytes of a bag's file, written message by message or some at a time."""
+
+    def write_some(some: Messages) -> None:
+        if as_records:
+            write_records(writer, some)
+        else:
+            writer.write_block(*columns(some))
+
     shutil.rmtree(folder, ignore_errors=True)
     with BagWriter(folder, **options) as writer:
         handles = [writer.add_topic(f"/t{i}", messages.FLOAT64) for i in range(3)]
@@ -117,31 +140,43 @@ def write_bag(folder: Path, sent: Messages, calls: list[int] | None = None, **op
             rest = sent
             for count in calls:
                 if rest:
-                    writer.write_block(*columns(rest[:count]))
+                    write_some(rest[:count])
                 for message in rest[count : count + 1]:  # the two may take turns
                     writer.write(*message)
                 rest = rest[count + 1 :]
             if rest:
-                writer.write_block(*columns(rest))
+                write_some(rest)
     return mcap_of(folder).read_bytes() + (folder / "metadata.yaml").read_bytes()
 
 
 @pytest.mark.slow
 @settings(deadline=None, max_examples=50)
-@given(message_lists, blocks_of, st.integers(0, 10_000), st.sampled_from(["", "lz4", "zstd"]))
-def test_a_block_is_written_as_its_messages_are(tmp_path_factory, sent, calls, chunk_size, compression):
+@given(message_lists, blocks_of, st.booleans(), st.integers(0, 10_000), st.sampled_from(["", "lz4", "zstd"]))
+def test_a_block_is_written_as_its_messages_are(tmp_path_factory, sent, calls, as_records, chunk_size, compression):
     """The same bytes, so the same chunks: also with topics whose declarations alone fill a chunk."""
     folder = tmp_path_factory.getbasetemp() / "block"
     options = {"chunk_size": chunk_size, "compression": compression}
-    assert write_bag(folder, sent, calls, **options) == write_bag(folder, sent, **options)
+    assert write_bag(folder, sent, calls, as_records=as_records, **options) == write_bag(folder, sent, **options)
 
 
+@pytest.mark.parametrize("as_records", [False, True])
 @pytest.mark.parametrize("chunk_size", [30, 31, 32, 61, 62, 63])
-def test_a_block_ends_its_chunks_where_its_messages_do(tmp_path, chunk_size):
+def test_a_block_ends_its_chunks_where_its_messages_do(tmp_path, chunk_size, as_records):
     sent = [(1, i, i, b"") for i in range(20)]  # of 31 bytes each
-    assert write_bag(tmp_path / "bag", sent, [8], chunk_size=chunk_size) == write_bag(
-        tmp_path / "bag", sent, chunk_size=chunk_size
-    )
+    found = write_bag(tmp_path / "bag", sent, [8], as_records=as_records, chunk_size=chunk_size)
+    assert found == write_bag(tmp_path / "bag", sent, chunk_size=chunk_size)
+
+
+def test_records_before_all_times_or_of_no_messages(tmp_path):
+    with BagWriter(tmp_path / "bag") as writer:
+        writer.add_topic("/t0", messages.FLOAT64)
+        with pytest.raises(ValueError, match="below 0"):
+            writer.write_records(bytes(31), np.zeros(1, np.int64), {1: 1}, (-1, 5))
+        writer.write_records(b"", np.zeros(0, np.int64), {}, (0, 0))
+        write_records(writer, [(1, 7, 8, b"x")])
+    reader = BagReader(tmp_path / "bag")
+    assert [message[2:] for message in reader.messages()] == [(7, 8, b"x")]
+    assert reader.message_count == 1
 
 
 def test_one_topic_and_time_for_all_of_a_block(tmp_path):
@@ -221,7 +256,7 @@ def test_blocks_hold_the_messages_in_order(tmp_path_factory, sent, chunk_size, l
     in_order = sorted(expected, key=lambda message: message[1])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reader_module, "_BLOCK", block)
-        patch.setattr(reader_module, "_STEP", step)
+        patch.setattr(records_module, "_STEP", step)
         for path in (folder, mcap_of(folder)):
             reader = BagReader(path)
             assert rows_of(reader.blocks(least=least)) == in_order

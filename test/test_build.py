@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shutil
@@ -25,22 +26,22 @@ RUN = """
 import hashlib
 import numpy as np
 from tire_dynamics import TireWheelUnit, build_state, simulate
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.pipeline import Pipeline
 
 random, bits = np.random.default_rng(1), hashlib.sha256()
 wrench, names = messages.WrenchEncoder("contact"), ("left", "right")
 joints = messages.JointStateEncoder(names)
 varying = {"tire.radial_nonuniformity": [2.0, 0.1, 0.4], "tire.imbalance_mass": 0.05}
 for extra in ({}, {"tire.radial_runout": [1.0, 5e-4, 0.3], **varying}, {"tire.longitudinal_stiffness": 2e5}):
-    wiring = Wiring({"wheels": ["left", "right"], "ring_samples": 5, "n_max": 4, **extra})
+    pipeline = Pipeline({"wheels": ["left", "right"], "ring_samples": 5, "n_max": 4, **extra})
     for k in range(1, 30):
         now = k * 2_000_000
         if k % 5 == 1:
-            wiring.receive("joint_states", now, joints.encode(now, random.uniform(50.0, 90.0, 2).tolist()))
-        wiring.receive("left/load", now, wrench.encode(now - 300_000, 10.0, float(random.uniform(3e3, 5e3))))
-        wiring.receive("right/load_force", now, messages.encode_float64(float(random.uniform(3e3, 5e3))))
-        for topic, data in wiring.tick(now) + wiring.belts():
+            pipeline.receive("joint_states", now, joints.encode(now, random.uniform(50.0, 90.0, 2).tolist()))
+        pipeline.receive("left/load", now, wrench.encode(now - 300_000, 10.0, float(random.uniform(3e3, 5e3))))
+        pipeline.receive("right/load_force", now, messages.encode_float64(float(random.uniform(3e3, 5e3))))
+        for topic, data in pipeline.tick(now) + pipeline.belts():
             bits.update(topic.encode() + data)
 time = np.arange(0.0, 0.05, 1e-3)
 axle = simulate(TireWheelUnit.table_1(zeta_s=0.3), time, 60.0 + 100.0 * time, 4000.0 + 300.0 * np.sin(40.0 * time))
@@ -195,3 +196,13 @@ def test_a_wheel_from_the_source_archive_runs_compiled_where_no_compiler_is(tmp_
 
     pip("--python", python, "install", "--no-deps", "--no-index", wheel)
     assert output(python, "-c", RUN, PWD=str(tmp_path), PATH="/nonexistent").split() == ["True", run_here()[1]]
+
+
+@pytest.mark.parametrize("source", SOURCES, ids=lambda source: source.stem)
+def test_nothing_is_counted_from_its_end(source):
+    """Without wraparound a compiled index of -1 reads what lies before the first element."""
+    for node in ast.walk(ast.parse((ROOT / source).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Subscript) and not isinstance(node.slice, ast.Slice):
+            parts = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+            negative = [part for part in parts if isinstance(part, ast.UnaryOp) and isinstance(part.op, ast.USub)]
+            assert not negative, ast.unparse(node)

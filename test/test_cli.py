@@ -20,13 +20,13 @@ import numpy as np
 import pytest
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.cli import SHELLS, _Commands, main
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
+from tire_dynamics.cli.main import SHELLS, _Commands, main
 
 REPOSITORY = Path(__file__).parents[1]
-COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli"]
+COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
 BEGIN = 1_700_000_000_000_000_000
 
 
@@ -283,7 +283,8 @@ def test_a_bag_whose_inputs_are_never_fresh_says_why(tmp_path):
             writer.write(speed, now, now, encode_float64(1.0))
             writer.write(load, now, now, encoder.encode(number + 1, 0.0, 4000.0))  # stamps of 1970
     line = refused("replay", tmp_path / "stale", "-o", tmp_path / "out")
-    assert "fresh" in line and "w/load 100" in line
+    assert "w: stamps and times of receipt are of different clocks on its load" in line and "--clock log" in line
+    assert called("replay", tmp_path / "stale", "-o", tmp_path / "out", "--clock", "log").returncode == 0
 
 
 # --- stability ---
@@ -373,7 +374,7 @@ class NoRos:  # a machine with no ROS: its packages cannot be found
 
 sys.meta_path[:] = [NoRos if finder is PathFinder else finder for finder in sys.meta_path]
 sys.argv[0] = "tire-dynamics"
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
 status = main()
 assert "rclpy" not in sys.modules
 sys.exit(status)
@@ -487,15 +488,6 @@ def test_a_name_that_is_nearly_right_is_named(tmp_path, bag):
     assert "nor does the folder" in refused("info", tmp_path / "none" / "input")
 
 
-@pytest.mark.parametrize("begin", [b"SQLite format 3\0", b"#ROSBAG V2.0\n"])
-def test_bags_of_other_kinds_are_told_how_to_become_ours(tmp_path, begin):
-    (tmp_path / "old.bag").write_bytes(begin + bytes(100))
-    line = refused("replay", tmp_path / "old.bag", "-o", tmp_path / "out")
-    call = re.search(r"(rosbags-convert .*) makes", line)[1].split()
-    usage = subprocess.run([Path(sys.executable).with_name(call[0]), "--help"], capture_output=True, text=True).stdout
-    assert all(option in usage for option in call if option.startswith("--"))
-
-
 def test_what_helps_against_inputs_that_are_never_fresh_helps(tmp_path, bag, config):
     """Joints that are not named like the wheels."""
     joints = messages.JointStateEncoder(["l_wheel_joint"])
@@ -506,7 +498,10 @@ def test_what_helps_against_inputs_that_are_never_fresh_helps(tmp_path, bag, con
         for now in range(BEGIN, BEGIN + 10**9, 10**7):
             writer.write(speed, now, now, joints.encode(now, [50.0]))
             writer.write(load, now, now, encoder.encode(now, 0.0, 4000.0))
-    assert "joint_names" in refused("replay", tmp_path / "joints", "-o", tmp_path / "out")
+    line = refused("replay", tmp_path / "joints", "-o", tmp_path / "out")
+    assert "joint_names" in line
+    joint = re.search(r"--joint \S+", line)[0].split()
+    assert called("replay", tmp_path / "joints", "-o", tmp_path / "joint", *joint).returncode == 0
     path = config("/**:\n  ros__parameters:\n    wheels: [left]\n    joint_names: [l_wheel_joint]\n")
     assert called("replay", tmp_path / "joints", "-o", tmp_path / "out", "--config", path).returncode == 0
 
@@ -704,14 +699,14 @@ def shown_on_a_terminal(text: str, *arguments) -> str:
 # The command, with a bar however short the work is.
 AT_ONCE = """
 import sys
-from tire_dynamics.doors import progress
+from tire_dynamics.files import progress
 progress._AFTER = progress._EVERY = 0.0
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
 sys.exit(main())
 """
 WORK = """
 import sys, time
-from tire_dynamics.doors.progress import progress
+from tire_dynamics.files.progress import progress
 for item in progress(range(10), 10, "work", unit="rows", quiet=sys.argv[1:] == ["quiet"]):
     time.sleep(float(sys.argv[2]) if len(sys.argv) > 2 else 0.1)
 """
@@ -752,7 +747,7 @@ def test_without_rich_there_is_no_bar_and_nothing_else_is_missing(tmp_path, bag)
 @pytest.mark.slow
 def test_in_a_pipe_rich_is_not_even_imported(tmp_path, bag):
     text = (
-        "import sys\nfrom tire_dynamics.doors.cli import main\n"
+        "import sys\nfrom tire_dynamics.cli.main import main\n"
         f"assert main(['replay', {str(bag)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0\n"
         f"assert main(['info', {str(bag)!r}]) == 0\n"
         "assert not {'rich', 'shtab', 'rclpy', 'matplotlib'} & set(sys.modules)\n"

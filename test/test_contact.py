@@ -169,7 +169,10 @@ def test_the_open_system_is_the_wheels_and_the_modes(unit, speed, model, n_max):
 @settings(max_examples=20)
 @given(unit=units(), speed=speeds, model=models, n_max=st.integers(1, 6), frequency=st.floats(0.5, 300.0))
 def test_frequency_response_against_the_whole_system(unit, speed, model, n_max, frequency):
-    """The closed form against (s - A_contact)^-1 of all states at once; of a rigid tread one 1e6 times as stiff."""
+    """The closed form against (s - A_contact)^-1 of all states at once; of a rigid tread one 1e6 times as stiff.
+
+    What that leaves is some 1e-6, and more beside a resonance.
+    """
     system = contact.open_system(unit, speed, model, n_max)
     if not math.isfinite(system.stiffness):
         system = system._replace(stiffness=1e12)
@@ -181,7 +184,7 @@ def test_frequency_response_against_the_whole_system(unit, speed, model, n_max, 
     H = wheel.frequency_response(unit, speed, frequency, model, input="road", n_max=n_max)
     whole = np.concatenate([system.output @ z, force[None]])
     for column in (0, 1):  # metres of road, newtons of traction
-        assert H[:, column] == pytest.approx(whole[:, column], abs=3e-6 * np.abs(whole[:, column]).max())
+        assert H[:, column] == pytest.approx(whole[:, column], abs=1e-5 * np.abs(whole[:, column]).max())
 
 
 SIDEWALLS = [
@@ -204,17 +207,17 @@ def test_the_ring_frame_agrees(unit, speed, phi, model, n_max, sidewall):
         unit = unit.replace(vertical_stiffness=0.5 * ring.static_stiffness(unit, 100, model))
     parts, system = contact.periodic_system(unit, speed, model, n_max)
     fixed = parts.at(phi)
-    T, slope = turning(unit, speed, phi, model, n_max)
+    T, slope = rotating_excitation(unit, speed, phi, model, n_max)
     turned = ring_frame(unit, speed, phi, model, n_max)
     rest = turned @ T - speed * slope - T @ fixed
     # rounding of the stiffest terms
     assert np.abs(rest).max() <= 1e-11 * (np.abs(turned) @ np.abs(T) + np.abs(T) @ np.abs(fixed)).max()
 
 
-def turning(unit, speed, phi, model, n_max):
+def rotating_excitation(unit, speed, phi, model, n_max):
     """T, which takes states of ``ContactSystem`` to those of ``nonuniform.state_matrix``, and its slope over phi."""
     labels = nonuniform.coordinates(model, n_max)
-    held = unit.is_held
+    held = unit.is_longitudinally_rigid
     one = wheel.states(unit, model)
     half, total = len(labels) + (1 if held else 2), 2 * len(labels) + (2 if held else 4)
     T, slope = np.zeros((2, total, total))
@@ -353,7 +356,8 @@ def harmonic_balance(unit, parts, system, speed, load, model, mount):
     n, half = len(system.matrix), len(wheel.fixed_frame(unit.mean, model).constant) // 2
     y = half + (2 if model == "inextensional" else 4)
     orders = np.arange(-4, 5)
-    stuck = [] if mount == "car" else [y - half, y] + ([y - half + 1, y + 1] if not unit.is_held else [])
+    along = [] if unit.is_longitudinally_rigid else [y - half + 1, y + 1]
+    stuck = [] if mount == "car" else [y - half, y, *along]
     stuck += [2 * half, 2 * half + 1] if unit.sprung_mass and mount == "machine" else []
     kept = np.array([k for k in range(n) if k not in stuck])
     blocks = {m: system.matrix.astype(complex) * (m == 0) for m in range(-8, 9)}

@@ -372,7 +372,7 @@ def test_mirror():
 # -- what turns -----------------------------------------------------------------------------------------------------
 
 
-TURNING = {
+ROTATING = {
     "radial_nonuniformity": [(1, 0.02, 0.3), (2, 0.03, 1.0), (3, 0.02, 0.5)],
     "tangential_nonuniformity": [(2, 0.02, 0.1)],
     "imbalance_mass": 0.05,
@@ -384,7 +384,7 @@ TURNING = {
 @pytest.mark.parametrize("speed", [60.0, -150.0])
 def test_a_varying_sidewall_and_imbalance(model, speed):
     """Every harmonic coupled with every other, the wheel and the contact, against DOP853 of the periodic system."""
-    unit, n_max, stop = CAR.replace(sprung_mass=0.0, **TURNING), 3, 0.03
+    unit, n_max, stop = CAR.replace(sprung_mass=0.0, **ROTATING), 3, 0.03
     parts, system = contact.periodic_system(unit, speed, model, n_max)
     state, height, _ = contact.standing(system, LOAD)
     ring_mass = unit.ring_mass * (1.0 if model == "inextensional" else 0.5)

@@ -10,10 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics.doors import answer, csv_import
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
+from tire_dynamics.cli import answer, csv_import
+from tire_dynamics.files.csv_table import read_table
+from tire_dynamics.files.errors import InputError
 
 SPEED = "t,left,right\n1.0,10,20\n1.5,11,21\n2.0,12,22\n"
 LOAD = "t,a,b\n1.25,3000,-9.5\n1.5,3100,-9.25\n"
@@ -191,8 +192,7 @@ def test_rows_of_equal_time_keep_their_order(do_import):
     ("row", "why"),
     [
         ("1.2,x,5", "'left' is 'x'"),
-        ("1.2,,5", "'left' is ''"),
-        ("1.2,nan,5", "'left' is 'nan'"),
+        ("1.2,nan,NaN", "'left' is 'nan'"),
         ("1.2,5,inf", "'right' is 'inf'"),
         ("1.2,5,1e999", "'right' is '1e999'"),
         ("1.2,5", "it has 2 columns of 3"),
@@ -220,7 +220,7 @@ def test_rows_that_cannot_be_used_are_left_out_and_counted(do_import, capsys, ro
         (b"\x89MCAP\x00\r\n\x00\x00", LOAD, "", "is not a text file"),
         (b"a," * 2**20, LOAD, "", "is not a text file"),
         ('t,left,right\n1,"' + "x" * 200_000 + '",1\n', LOAD, "", "speed.csv: is not CSV"),
-        (SPEED.split("\n", 1)[1], LOAD, "", "its first line must be the columns' names"),
+        (SPEED.split("\n", 1)[1], LOAD, "", "no line has the columns' names; it begins with '1.0,10,20'"),
         ("t,left,right\n", LOAD, "", "speed.csv: has no usable row"),
         ("t,left,right\n1,a,b\n", LOAD, "", "no usable row; the first is line 2: 'left' is 'a'"),
         (
@@ -245,11 +245,25 @@ def test_rows_that_cannot_be_used_are_left_out_and_counted(do_import, capsys, ro
         (SPEED, LOAD, "--load-columns left=a", "has left, but --speed-columns has left, right"),
         (SPEED, LOAD, "--load-columns left=a left=b", "left stands there twice"),
         (SPEED, LOAD, "--speed-unit m/s", "--speed-unit m/s needs --rolling-radius"),
-        (SPEED, LOAD, "--rolling-radius 0.3", "--rolling-radius goes with --speed-unit m/s only"),
+        (
+            SPEED,
+            LOAD,
+            "--rolling-radius 0.3",
+            "--rolling-radius goes with --speed-unit m/s or km/h or mph; the speed is in rad/s",
+        ),
         (SPEED, LOAD, "--speed-unit m/s --rolling-radius 0", "--rolling-radius is 0; it must be > 0"),
         (SPEED, LOAD, "--speed-unit m/s --rolling-radius nan", "--rolling-radius is nan; it must be > 0"),
         (SPEED, LOAD, "--load-unit m/s^2", "--load-unit m/s^2 needs --corner-mass"),
-        (SPEED, LOAD, "--corner-mass 400", "--corner-mass goes with --load-unit m/s^2 only"),
+        (SPEED, LOAD, "--corner-mass 400", "--corner-mass goes with --load-unit m/s^2 or g; the load is in N"),
+        (SPEED, LOAD, "--speed-unit mph", "--speed-unit mph needs --rolling-radius"),
+        (SPEED, LOAD, "--load-unit g", "--load-unit g needs --corner-mass"),
+        (SPEED.replace("left,", "lefft,"), LOAD, "", "'left' is not there (did you mean 'lefft'?); the columns are"),
+        ("t,left [km/h],right [rpm]\n1,2,3\n", LOAD, "", "different units (km/h: left; rpm: right); convert one"),
+        ("t,left [km/h],right [km/h]\n1,2,3\n", LOAD, "", "--speed-unit km/h needs --rolling-radius"),
+        ("t,left,right\n1,,\n2,,\n", LOAD, "", "has no usable row; all of these columns are blank"),
+        (SPEED, LOAD, "--config tire.yaml", "--config belongs to --forces, which is not given"),
+        (SPEED, LOAD, "--forces out", "--forces is out, which is also the output of the import"),
+        (SPEED, LOAD, "--forces forces --config gone.yaml", "gone.yaml"),
         (SPEED, LOAD, "--start-time soon", "--start-time is 'soon'"),
         (SPEED, LOAD, "--start-time nan", "--start-time is 'nan'"),
         (SPEED, LOAD, "--start-time 1e999999999", "--start-time is '1e999999999'"),
@@ -279,7 +293,7 @@ def test_any_bytes_are_imported_or_refused(tmp_path_factory, body, head):
     for content in (body, b"t,a\n" + body, head + b"\n" + body):
         path.write_bytes(content)
         try:
-            table = csv_import._read(path, ["a"], None, "s")
+            table = read_table(path, ["a"], None, None)
         except InputError as error:
             assert "any.csv" in str(error) and "\n" not in str(error)
         else:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tire_dynamics.doors import demo
-from tire_dynamics.doors.parameters import complete, read_config
+from tire_dynamics.replay.parameters import complete, read_config
+from tire_dynamics.ros import demo
 
 
 def test_a_node_that_dies_is_noticed_and_its_last_words_are_shown(ros_domain, capfd):

@@ -12,26 +12,29 @@ from typing import Any
 import pytest
 
 import tire_dynamics
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.parameters import complete, read_config
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.estimator.vehicle import Vehicle
 from tire_dynamics.estimator.wheel_estimator import WheelEstimator
+from tire_dynamics.replay.parameters import complete, read_config
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.replay.replay import replay
 
 MODULES = [
     "science.unit",
     "estimator.simulate",
+    "estimator.vehicle_parameters",
+    "estimator.load_filter",
+    "estimator.load_estimate",
     "science.ring",
     "science.wheel",
     "science.floquet",
     "science.contact",
     "science.contact_step",
     "science.nonuniform",
-    "science.turning",
+    "science.rotating_excitation",
     "science.uniformity",
 ]
-INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Wiring, Vehicle, WheelEstimator]
+INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Pipeline, Vehicle, WheelEstimator]
 PAGES = Path(__file__).parents[1] / "docs" / "api"
 SHORT = 3  # lines, within which a docstring names what it takes by itself
 

@@ -39,7 +39,7 @@ from test_live_log import SECOND, Peer, end, live_node, time_message
 from test_node import MODAL, near, stamp_of, wrench
 from test_parameters import unusable
 
-from tire_dynamics.doors.parameters import PARAMETERS
+from tire_dynamics.replay.parameters import PARAMETERS
 
 ERROR, WARN, OK = b"\x02", b"\x01", b"\0"
 DEEP = QoSProfile(depth=2000)

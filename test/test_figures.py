@@ -17,10 +17,11 @@ from matplotlib.image import imread
 from scipy.integrate import solve_ivp
 
 from tire_dynamics import TireWheelUnit, floquet, ring, wheel
-from tire_dynamics.doors import figures as command
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.figures import FIGURES, tables
+from tire_dynamics.cli import figures as command
+from tire_dynamics.cli.figures import FIGURES
+from tire_dynamics.cli.main import main
+from tire_dynamics.figures import tables
+from tire_dynamics.files.errors import InputError
 from tire_dynamics.science import nonuniform
 from tire_dynamics.science.modes import RingModes
 
@@ -492,6 +493,6 @@ def test_the_users_own_style_changes_nothing(folder, tmp_path, monkeypatch):
 
 
 def test_the_options_load_neither_numpy_nor_matplotlib():
-    script = "import sys, tire_dynamics.doors.figures; print({'numpy', 'scipy', 'matplotlib'} & set(sys.modules))"
+    script = "import sys, tire_dynamics.cli.figures; print({'numpy', 'scipy', 'matplotlib'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"

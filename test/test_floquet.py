@@ -29,7 +29,7 @@ def worst_difference(expected, found):
     return distance[linear_sum_assignment(distance)].max()
 
 
-def turning(F, rng, period=PERIOD):
+def rotating_excitation(F, rng, period=PERIOD):
     """A(t) of x' = F x seen from axes that turn, z = L(t) x, at whole multiples of 2 pi/T in random planes.
 
     z' = (L' L^-1 + L F L^-1) z and L(T) = L(0): the multipliers are exp(lambda(F) T) (Lyapunov).
@@ -227,7 +227,7 @@ def test_turning_frame_leaves_multipliers(n, rtol):
     rng = np.random.default_rng(10 * n)
     F = rng.normal(size=(n, n)) - 0.5 * np.eye(n)
     expected = np.exp(np.linalg.eigvals(F) * PERIOD)
-    result = floquet.analyze(turning(F, rng), PERIOD, rtol)
+    result = floquet.analyze(rotating_excitation(F, rng), PERIOD, rtol)
     assert worst_difference(expected, result.multipliers) <= result.error_estimate
     assert result.error_estimate < 1e4 * rtol * result.spectral_radius  # non-normal, hence the room
 
@@ -235,7 +235,7 @@ def test_turning_frame_leaves_multipliers(n, rtol):
 def test_complex_turning_frame():
     rng = np.random.default_rng(3)
     F = rng.normal(size=(4, 4)) + 1j * rng.normal(size=(4, 4))
-    result = floquet.analyze(turning(F, rng), PERIOD)
+    result = floquet.analyze(rotating_excitation(F, rng), PERIOD)
     expected = np.exp(np.linalg.eigvals(F) * PERIOD)
     assert worst_difference(expected, result.multipliers) <= result.error_estimate
     assert result.error_estimate < 1e-6 * result.spectral_radius
@@ -324,7 +324,7 @@ FRAMED = [
 @pytest.mark.parametrize("scales", [(1, 1, 1, 1), (1e3, 1e3, 1, 1), (1, 1e3, 1, 1e-3), (1e-6, 1, 1e6, 1)])
 def test_units_of_the_states_do_not_matter(F, verdict, scales):
     rng = np.random.default_rng(7)
-    A, D = turning(F, rng), np.diag(scales)
+    A, D = rotating_excitation(F, rng), np.diag(scales)
     expected = np.exp(np.linalg.eigvals(F) * PERIOD)
     result = floquet.analyze(lambda t: D @ A(t) @ np.linalg.inv(D), PERIOD)
     assert result.verdict == verdict
@@ -341,7 +341,7 @@ def test_units_of_the_states_do_not_matter(F, verdict, scales):
 @pytest.mark.parametrize("rtol", TOLERANCES)
 @pytest.mark.parametrize(("F", "verdict"), FRAMED)
 def test_verdicts_at_every_tolerance(F, verdict, rtol):
-    result = floquet.analyze(turning(F, np.random.default_rng(11)), PERIOD, rtol)
+    result = floquet.analyze(rotating_excitation(F, np.random.default_rng(11)), PERIOD, rtol)
     assert result.verdict == verdict
 
 
@@ -377,7 +377,7 @@ def test_jordan_blocks_under_random_similarity(seed, size, coupling, decay, freq
         verdict = STABLE if decay > 0.0 else UNSTABLE
     else:
         verdict = UNSTABLE if defective else MARGINAL
-    periodic = floquet.analyze(turning(similar(F, rng), rng), PERIOD, rtol)
+    periodic = floquet.analyze(rotating_excitation(similar(F, rng), rng), PERIOD, rtol)
     constant = floquet.analyze_constant(similar(F, rng), PERIOD)
     for result in (periodic, constant):
         assert result.verdict == verdict
@@ -390,7 +390,7 @@ def test_jordan_blocks_under_random_similarity(seed, size, coupling, decay, freq
 def test_critical_damping_just_off_the_circle(decay):
     """A double multiplier without its second eigenvector, 1e-6 from the circle and split by about as much."""
     F = np.array([[-decay, 1.0], [0.0, -decay]])
-    result = floquet.analyze(turning(F, np.random.default_rng(2)), PERIOD)
+    result = floquet.analyze(rotating_excitation(F, np.random.default_rng(2)), PERIOD)
     assert result.verdict == (STABLE if decay > 0.0 else UNSTABLE)
     assert floquet.analyze_constant(F, PERIOD).verdict == result.verdict
 
@@ -399,7 +399,7 @@ def test_critical_damping_just_off_the_circle(decay):
 def test_multiplier_on_the_circle_beside_a_defective_one_inside(pole):
     """The pair 1e-4 inside must not drag its neighbour on the circle in with it."""
     F = linalg.block_diag([[-1e-4, 1.0], [0.0, -1e-4]], [[0.0]], [[-1.0]]) + pole * np.eye(4)
-    assert floquet.analyze(turning(F, np.random.default_rng(5)), PERIOD).verdict == MARGINAL
+    assert floquet.analyze(rotating_excitation(F, np.random.default_rng(5)), PERIOD).verdict == MARGINAL
     assert floquet.analyze_constant(F, PERIOD).verdict == MARGINAL
 
 
@@ -452,7 +452,7 @@ def test_no_period_verdict_from_the_exponents(A, verdict):
 
 
 def test_order_and_consistency():
-    result = floquet.analyze(turning(linalg.block_diag(oscillator(2.0, 0.5), [[0.3]], [[-2.0]]),
+    result = floquet.analyze(rotating_excitation(linalg.block_diag(oscillator(2.0, 0.5), [[0.3]], [[-2.0]]),
                                      np.random.default_rng(0)), PERIOD)  # fmt: skip
     moduli = np.abs(result.multipliers)
     assert (np.diff(moduli) <= 1e-12).all()

@@ -137,7 +137,7 @@ def test_equations_are_those_of_the_lagrangian(blades):
 # -- constant in other coordinates --
 
 
-def turning(rotor, speed):
+def rotating_excitation(rotor, speed):
     """A of X, Y and b = (xi_0 - xi_1)/2 in axes that turn with two blades, over the phase; of (xi_0 + xi_1)/2 alone."""
     W, S, I = speed, rotor.moment, rotor.inertia  # noqa: E741
     c, lag = rotor.dampers[0], rotor.spring + rotor.offset * S * W**2
@@ -160,7 +160,7 @@ def turning(rotor, speed):
 @pytest.mark.parametrize("rotor", [TWO, replace(TWO, dampers=(500.0,) * 2, damping=(4e3,) * 2)])
 def test_two_blades_on_equal_supports(rotor):
     for speed in (8.0, 18.0, 25.0, 32.0, 50.0):
-        result, (system, collective) = analyze(rotor, speed), turning(rotor, speed)
+        result, (system, collective) = analyze(rotor, speed), rotating_excitation(rotor, speed)
         assert np.abs([system.cosines, system.sines]).max() < 1e-12 * np.abs(system.constant).max()
         expected = np.exp(np.concatenate([np.linalg.eigvals(system.constant), collective]) * result.period)
         # rtol = 1e-10 of the propagators
@@ -268,7 +268,7 @@ def test_hammonds_rotor_with_a_damper_out():
 def test_two_blades_on_unequal_supports(rotor):
     """Fixed axes by `analyze`, turning axes by `transition`, and no integration at all by Hill's determinant."""
     for speed in (14.0, 18.0, 25.0, 32.0):
-        result, (system, collective) = analyze(rotor, speed), turning(rotor, speed)
+        result, (system, collective) = analyze(rotor, speed), rotating_excitation(rotor, speed)
         period = result.period
         found = transition(system, speed, 0.0, 2.0 * math.pi)
         fast = floquet.judge(found.matrix[0], float(found.log_norm[0]), float(found.error[0]), period)

@@ -33,17 +33,17 @@ from examples import spared
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JointStateEncoder, WrenchEncoder, encode_float64, encode_string
-from tire_dynamics.doors.recover import recover
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64, encode_string
+from tire_dynamics.cli.main import main
+from tire_dynamics.cli.recover import recover
+from tire_dynamics.files.errors import InputError
 
 pytestmark = pytest.mark.slow
 
 REPOSITORY = Path(__file__).parents[1]
-COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli"]
+COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
 BEGIN = 1_700_000_000 * 10**9
 TURNS, MEMORY = 100e6, 500_000_000  # of a loop, bytes: what any file may cost
 PATIENCE = 300  # [s] after which a call hangs
@@ -86,7 +86,7 @@ def within():
 SERVANT = """
 import io, json, os, resource, sys, time
 from contextlib import redirect_stderr, redirect_stdout
-from tire_dynamics.doors.cli import main
+from tire_dynamics.cli.main import main
 
 resource.setrlimit(resource.RLIMIT_AS, (4 * 2**30, 4 * 2**30))  # so that a flood is our trouble, not the machine's
 

@@ -9,11 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tire_dynamics import TireWheelUnit, simulate, wheel
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.identify import statements
-from tire_dynamics.doors.messages import (
+from tire_dynamics import TireWheelUnit, read_unit, simulate, wheel, write_unit
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import (
     FLOAT64,
     JOINT_STATE,
     WRENCH_STAMPED,
@@ -21,8 +19,10 @@ from tire_dynamics.doors.messages import (
     WrenchEncoder,
     encode_float64,
 )
-from tire_dynamics.doors.parameters import complete, read_config, unit_of
+from tire_dynamics.cli.identify import statements
+from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.identification import FITTED, UNSEEN, Identification, Recording, identify
+from tire_dynamics.replay.parameters import complete, read_config, unit_of
 from tire_dynamics.science.uncertainty import bands, sample, value_of, with_values
 
 pytestmark = pytest.mark.slow
@@ -277,7 +277,7 @@ def bag(tmp_path_factory) -> Path:
 @pytest.fixture(scope="module")
 def identified(bag, tmp_path_factory):
     folder = tmp_path_factory.mktemp("identified")
-    START.to_yaml(folder / "start.yaml")
+    write_unit(START, folder / "start.yaml")
     arguments = ["identify", str(bag), "--measured", "hub/wrench", "--start", str(folder / "start.yaml")]
     arguments += ["--fit", ",".join(FIT), "--between", "lines"]
     assert main([*arguments, "-o", str(folder / "unit.yaml"), "--plot", str(folder / "fit.png"), "-q"]) == 0
@@ -286,7 +286,7 @@ def identified(bag, tmp_path_factory):
 
 def test_the_command_writes_what_the_node_takes(identified):
     folder, _ = identified
-    unit = TireWheelUnit.from_yaml(folder / "unit.yaml")
+    unit = read_unit(folder / "unit.yaml")
     assert unit_of(complete(read_config(folder / "unit.yaml"))) == unit
     content = json.loads((folder / "unit.errors.json").read_text("utf-8"))
     assert content["unit"] == unit.to_mapping() and content["fields"] == list(FIT)
@@ -363,13 +363,13 @@ def test_joint_states_and_a_tire_file(tmp_path, capsys):
 
 def test_a_log_gives_its_own_tire(bag, tmp_path, capsys):
     """The node holds its samples: --between held finds the tire of a replay from the forces in it."""
-    CAR.to_yaml(tmp_path / "car.yaml")
+    write_unit(CAR, tmp_path / "car.yaml")
     assert main(["replay", str(bag), "-o", str(tmp_path / "log"), "--config", str(tmp_path / "car.yaml"), "-q"]) == 0
-    START.to_yaml(tmp_path / "start.yaml")
+    write_unit(START, tmp_path / "start.yaml")
     arguments = ["identify", str(tmp_path / "log"), "--measured", "/wheel/axle_wrench"]
     arguments += ["--start", str(tmp_path / "start.yaml"), "--fit", ",".join(FIT), "--between", "held"]
     assert main([*arguments, "-o", str(tmp_path / "unit.yaml"), "-q"]) == 0
-    unit = TireWheelUnit.from_yaml(tmp_path / "unit.yaml")
+    unit = read_unit(tmp_path / "unit.yaml")
     for name in FIT:
         # the node holds the speed as well, which is joined by lines here: 3 rad/s^2 over 2 ms beside 60 rad/s
         assert getattr(unit, name) == pytest.approx(getattr(CAR, name), rel=1e-3), name
@@ -397,7 +397,7 @@ def test_what_has_nothing_in_common_is_refused(tmp_path, capsys, load, force, la
             writer.write(speed, now, now, encode_float64(60.0))
             writer.write(road, now, now, wrench.encode(now, 0.0, 4000.0 + load * random.standard_normal()))
             writer.write(hub, now, now, wrench.encode(felt, 0.0, 4000.0 + force * random.standard_normal()))
-    START.to_yaml(tmp_path / "start.yaml")
+    write_unit(START, tmp_path / "start.yaml")
     arguments = ["identify", str(tmp_path / "drive"), "--measured", "/hub/wrench"]
     assert main([*arguments, "--start", str(tmp_path / "start.yaml"), "-o", str(tmp_path / "unit.yaml")]) == 2
     out, err = capsys.readouterr()
@@ -461,7 +461,7 @@ def test_errors_that_cannot_be_used_are_one_line(capsys, change, says):
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"fields": ["zeta_1"], "values": [0.3]}', "\xff"])
 def test_a_file_of_errors_that_is_none(tmp_path, capsys, content):
-    CAR.to_yaml(tmp_path / "unit.yaml")
+    write_unit(CAR, tmp_path / "unit.yaml")
     (tmp_path / "unit.errors.json").write_text(content, encoding="utf-8")
     assert main(["stability", "--speed-rpm", "100", "--config", str(tmp_path / "unit.yaml"), "--samples", "5"]) == 2
     assert "is no file of errors" in capsys.readouterr().err
@@ -469,7 +469,7 @@ def test_a_file_of_errors_that_is_none(tmp_path, capsys, content):
 
 def test_errors_of_another_unit_are_refused(identified, tmp_path, capsys):
     folder, _ = identified
-    CAR.to_yaml(tmp_path / "unit.yaml")
+    write_unit(CAR, tmp_path / "unit.yaml")
     (tmp_path / "unit.errors.json").write_bytes((folder / "unit.errors.json").read_bytes())
     assert main(["stability", "--speed-rpm", "100", "--config", str(tmp_path / "unit.yaml"), "--samples", "5"]) == 2
     assert "belongs to another unit" in capsys.readouterr().err

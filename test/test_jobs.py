@@ -18,11 +18,11 @@ import pytest
 from test_cli import COMMAND, REPOSITORY, called, refused
 from test_replay import constant, wild
 
-from tire_dynamics.doors import jobs
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.jobs import Failure, workers
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay import jobs
+from tire_dynamics.replay.jobs import Failure, workers
+from tire_dynamics.replay.replay import replay
 
 pytestmark = pytest.mark.slow
 

@@ -236,7 +236,7 @@ def real_node(domain: int, folder: Path, **given: str):
     """The node itself, with the command line that launch would give it."""
     from rclpy.context import Context as RosContext
 
-    from tire_dynamics.doors.node import TireDynamicsNode
+    from tire_dynamics.ros.node import TireDynamicsNode
 
     node, _ = launched(**given)
     context = RosContext()

@@ -24,10 +24,10 @@ from std_srvs.srv import Trigger
 from test_node import PATIENCE, Bench, wrench
 from visualization_msgs.msg import MarkerArray
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr import messages
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.replay import replay
 
 MANAGED = ("-p", "autostart:=false")
 CONFIGURE, ACTIVATE = Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE
@@ -177,7 +177,7 @@ def test_it_begins_from_equilibrium_each_time(bench):
 
 def test_a_process_that_waits_for_its_manager_ends_at_once(ros_domain, tmp_path):
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    command = [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args", *MANAGED]
+    command = [sys.executable, "-m", "tire_dynamics.cli.main", "node", "--ros-args", *MANAGED]
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     other = Bench(ros_domain, *MANAGED, "-r", "__node:=manager")
     try:
@@ -219,7 +219,7 @@ def test_joint_states_of_two_publishers_in_any_order(bench):
     one.peer.create_timer(0.01, send)
     for wrenches in received:
         one.until(lambda wrenches=wrenches: len(wrenches) > 50, "wrenches of both wheels")
-    assert [schedule.speed for schedule in one.node._wiring.vehicle.schedules] == [90.0, 91.0]
+    assert [wheel.speed for wheel in one.node._pipeline.vehicle.inputs] == [90.0, 91.0]
 
 
 def test_a_load_without_a_stamp_is_one_of_the_moment(bench, tmp_path):

@@ -11,18 +11,18 @@ HEAVY = ("scipy", "rosbags", "matplotlib", "plotly", "rich")
 
 TICK_AND_LOG = """
 import sys
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.journal import DIAGNOSTICS_TYPE
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.cdr import messages
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.ros.journal import DIAGNOSTICS_TYPE
+from tire_dynamics.replay.pipeline import Pipeline
 
-wiring = Wiring({"tire.sidewall_damping": "reaction", "tire.imbalance_mass": 0.02})
+pipeline = Pipeline({"tire.sidewall_damping": "reaction", "tire.imbalance_mass": 0.02})
 for k in range(1, 40):
-    wiring.receive("wheel/wheel_speed", 2_000_000 * k, messages.encode_float64(80.0))
-    wiring.receive("wheel/load_force", 2_000_000 * k, messages.encode_float64(3000.0))
-    assert len(wiring.tick(2_000_000 * k)) == 1
-    wiring.belts()
-types = {*wiring.inputs.values(), *wiring.outputs.values(), DIAGNOSTICS_TYPE}
+    pipeline.receive("wheel/wheel_speed", 2_000_000 * k, messages.encode_float64(80.0))
+    pipeline.receive("wheel/load_force", 2_000_000 * k, messages.encode_float64(3000.0))
+    assert len(pipeline.tick(2_000_000 * k)) == 1
+    pipeline.belts()
+types = {*pipeline.inputs.values(), *pipeline.outputs.values(), DIAGNOSTICS_TYPE}
 types |= {messages.CLOCK, messages.STRING, messages.TF}
 with BagWriter(sys.argv[1]) as writer:
     for number, kind in enumerate(types):
@@ -42,13 +42,13 @@ for unit in (uniform, uniform.replace(zeta_1=0.0, zeta_s=0.0), uniform.replace(r
 
 FORCE_VARIATION = """
 import numpy as np
-from tire_dynamics.doors.variations import variation_of
+from tire_dynamics.ros.uniformity_monitor import variation_of
 
 angle = np.linspace(0.0, 80.0, 2000)
-assert variation_of(list(zip(np.mod(angle, 6.0), np.cos(angle))))
+assert variation_of(np.stack([np.mod(angle, 6.0), np.cos(angle)], axis=1))
 """
 
-NODE = "import tire_dynamics.doors.node"
+NODE = "import tire_dynamics.ros.node"
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,6 @@ NODE = "import tire_dynamics.doors.node"
 def test_what_is_heavy_is_not_loaded(program, tmp_path):
     if program == NODE:
         pytest.importorskip("rclpy", reason="rclpy is not installed: the extra `ros` brings it")
-    program = f"import sys\nsys.modules['numba'] = None  # which loads SciPy\n{program}"
-    said = f"{program}\nprint([name for name in {HEAVY!r} if name in sys.modules])"
+    said = f"import sys\n{program}\nprint([name for name in {HEAVY!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", said, str(tmp_path / "bag")], capture_output=True, text=True)
     assert (done.stdout, done.stderr) == ("[]\n", "")

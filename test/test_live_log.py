@@ -35,7 +35,7 @@ from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 REPOSITORY = Path(__file__).parents[1]
-COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli"]
+COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
 ENVIRONMENT = {"PYTHONPATH": str(REPOSITORY), "PYTHONWARNINGS": "error::RuntimeWarning"}
 PATIENCE = 180.0  # [s] after which what should have happened has not
 SECOND = 10**9

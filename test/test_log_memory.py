@@ -12,11 +12,11 @@ import pytest
 from mcap.exceptions import EndOfFile
 from mcap.reader import NonSeekingReader, make_reader
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.log import CHUNK_SIZE, FLUSH_INTERVAL, LogFiles
-from tire_dynamics.doors.messages import encode_float64
-from tire_dynamics.doors.parameters import complete
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import encode_float64
+from tire_dynamics.replay.parameters import complete
+from tire_dynamics.ros.log import CHUNK_SIZE, FLUSH_INTERVAL, LogFiles
 
 SECOND = 10**9
 FOREVER = float("inf")

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from test_cli import called, refused
 from test_wheel import STABLE_AGAIN, TABLE_1, units
 
-from tire_dynamics import floquet, wheel
+from tire_dynamics import floquet, wheel, write_unit
 from tire_dynamics.science import maps, nonuniform
 
 RPM = math.pi / 30.0
@@ -55,6 +55,8 @@ def axes(draw, unit):
             values = np.linspace(0.0, 1.5, count)
         elif name in ("longitudinal_stiffness", "longitudinal_mass"):
             values = np.linspace(0.0, 100.0, count) + (1e5 if name == "longitudinal_stiffness" else 0.0)
+        elif name in ("vertical_stiffness", "residual_damping", "sprung_mass"):  # softer than any tire here
+            values = np.linspace(1.0, 100.0, count)
         else:
             values = getattr(unit, name) * np.linspace(0.5, 2.0, count)
         made.append((name, values))
@@ -352,7 +354,7 @@ VARYING = TABLE_1.replace(
 @pytest.mark.parametrize("axes", ["xy", "yx"])
 def test_tongues_over_the_amplitudes(tmp_path, axes):
     """Point by point; the boundary lies where growth begins, to a cell of the grid, a tongue where its tip is said."""
-    VARYING.to_yaml(tmp_path / "unit.yaml")
+    write_unit(VARYING, tmp_path / "unit.yaml")
     along = {axes[0]: "speed_rpm=4000:7000:31", axes[1]: "nonuniformity=0:1.5:16"}
     arguments = [text for axis, value in along.items() for text in (f"--{axis}", value)]
     done = called("map", *arguments, "--config", tmp_path / "unit.yaml", "-o", tmp_path / "m.png")
@@ -368,7 +370,7 @@ def test_tongues_over_the_amplitudes(tmp_path, axes):
         assert growth[i, j] == pytest.approx(alone.exponents.real.max(), rel=1e-6, abs=1e-6)
     boundary = arrays["boundary"] if axes == "xy" else arrays["boundary"][:, ::-1]
     assert len(boundary) > 20 and arrays["segments"].max() == len(boundary) - 1
-    for tip in nonuniform.tongue_tips(VARYING, nonuniform.Nonuniformity.of(VARYING)):
+    for tip in nonuniform.combination_resonances(VARYING, nonuniform.Nonuniformity.of(VARYING)):
         if 4000.0 < tip.speed / RPM < 7000.0:
             near = boundary[np.abs(boundary[:, 0] - tip.speed / RPM) < 100.0]  # the grid's step
             assert near[:, 1].min() == pytest.approx(tip.threshold, abs=0.15)
@@ -386,7 +388,7 @@ def test_tongues_over_the_amplitudes(tmp_path, axes):
     ],
 )
 def test_maps_that_a_varying_unit_cannot_have(tmp_path, arguments, words):
-    VARYING.to_yaml(tmp_path / "unit.yaml")
+    write_unit(VARYING, tmp_path / "unit.yaml")
     assert words in refused("map", *arguments, "--config", tmp_path / "unit.yaml", "-o", tmp_path / "m.png")
 
 
@@ -397,7 +399,7 @@ def test_a_uniform_unit_has_no_amplitudes_to_map(tmp_path):
 
 def test_transmissibility_with_a_unit_of_ones_own(tmp_path):
     unit = TABLE_1.replace(zeta_1=0.3)
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     done = called(
         *("map", "--x", "suspension_stiffness=1e4:1e6:5", "--log-x", "--y", "wheel_mass=2:20:4", "--speed-rpm", 3000),
         *("--quantity", "transmissibility", "--config", tmp_path / "unit.yaml", "-o", tmp_path / "K.png"),
@@ -414,7 +416,7 @@ def test_transmissibility_with_a_unit_of_ones_own(tmp_path):
 @pytest.mark.parametrize("zeta_1", [0.0, 0.5])
 def test_a_picture_of_anything(tmp_path, quantity, zeta_1):
     """All marginal or all of one sign; K = 1 everywhere; two points along an axis."""
-    TABLE_1.replace(zeta_1=zeta_1, zeta_s=0.0).to_yaml(tmp_path / "unit.yaml")
+    write_unit(TABLE_1.replace(zeta_1=zeta_1, zeta_s=0.0), tmp_path / "unit.yaml")
     done = called(
         *("map", "--x", "speed_rpm=-1:1:2", "--y", "wheel_mass=1:2:3", "--quantity", quantity),
         *("--config", tmp_path / "unit.yaml", "-o", tmp_path / "map.png"),

@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors.markers import MARKER_ARRAY, MarkerBuilder
-from tire_dynamics.doors.messages import MessageError
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics.cdr.messages import MessageError
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.ros.markers import MARKER_ARRAY, MarkerBuilder
 
 pytest.importorskip("visualization_msgs", reason="ROS's own message classes: the extra `ros`, or a ROS installation")
 pytest.importorskip("rclpy", reason="ROS's own serialisation: the extra `ros`, or a ROS installation")
@@ -114,16 +114,16 @@ def test_the_road_is_where_the_models_contact_is():
         assert contact[0, 2] < contact[1, 2] and contact[0, 0] == contact[1, 0]  # pushes up
 
 
-def test_the_belt_is_the_wirings():
+def test_the_belt_is_the_pipelines():
     """The points of `ring_shape`, with the two columns of deflection behind them, are drawn as they are."""
-    wiring = Wiring({"ring_samples": 8})
+    pipeline = Pipeline({"ring_samples": 8})
     deflection = np.zeros((1, 2, 8))
     deflection[0, 0, 6] = -0.01  # pressed in by 10 mm at psi = 3 pi/2
-    points = wiring._points(deflection)[0]
+    points = pipeline._points(deflection)[0]
     belt, _, contact = read(MarkerBuilder("a", 8).build(0, points, (0, 0), (0, 4000), SCALE))
     np.testing.assert_array_equal(coordinates(belt)[:-1], points[:, :3])
     # the point's x is rounding of cos(3 pi/2)
-    np.testing.assert_allclose(coordinates(contact)[1], (0, 0, -wiring.vehicle.unit.radius + 0.01), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(coordinates(contact)[1], (0, 0, 0.01 - pipeline.vehicle.unit.radius), rtol=0, atol=1e-15)
 
 
 def test_nothing_is_left_from_the_message_before():

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.messages import (
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import (
     DeflectionEncoder,
     JointStateDecoder,
     JointStateEncoder,

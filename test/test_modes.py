@@ -319,14 +319,12 @@ def test_constant_speed(model, unit, drive, n):
 @given(unit=units(), drive=drives(varying=True), n=st.integers(2, 6))
 @example(unit=TABLE_1, drive=Drive([0.0, 0.01], [-100.0, 100.0], 0.0, 500.0), n=3)
 def test_varying_speed(model, unit, drive, n):
-    """Second order in the step, to the limit that has the Euler terms: a fourth of the step leaves a sixteenth."""
+    """Exact too, Euler terms and all, in steps as long as the inputs' lines or shorter."""
     numbers = some_numbers(model, n)
     expected = expected_motion(Lagrangian(unit, numbers, model), drive)
     modes = RingModes(unit, numbers, model)
-    coarse, fine = (error(motion(modes, drive.finer(k))[:, ::k], expected) for k in (16, 64))
-    # the next order still counts for a percent or so of sixteen
-    assert fine < coarse / 15.0 or fine < EXACT, (coarse, fine)
-    assert fine < 1e-3
+    for parts in (1, 16):
+        assert error(motion(modes, drive.finer(parts))[:, ::parts], expected) < EXACT
 
 
 @pytest.mark.slow

@@ -32,9 +32,9 @@ from std_msgs.msg import Float64, Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 from tire_dynamics import TireWheelUnit, ring, wheel
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.node import TireDynamicsNode
-from tire_dynamics.doors.parameters import PARAMETERS
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.parameters import PARAMETERS
+from tire_dynamics.ros.node import TireDynamicsNode
 
 PATIENCE = 180.0  # [s] after which what should have happened has not; a passing test never waits for it
 SECOND = 10**9

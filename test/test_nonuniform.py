@@ -20,12 +20,12 @@ from tire_dynamics.science import floquet, wheel
 from tire_dynamics.science.modes import CONTACT_ANGLE, RingModes
 from tire_dynamics.science.nonuniform import (
     Nonuniformity,
+    combination_resonances,
     fixed_frame_matrix,
     nearest_tongue,
     stability,
     state_matrix,
     tongue_map,
-    tongue_tips,
 )
 from tire_dynamics.science.periodic import Trigonometric, transition
 
@@ -210,9 +210,10 @@ def test_both_frames_belong_together(model, unit, nonuniformity, speed, time):
     """A T = T' + T F, T as of wheel.rotation."""
     A = state_matrix(unit, nonuniformity, speed, time, model)
     F = fixed_frame_matrix(unit, nonuniformity, speed, speed * time, model)
-    T = wheel.rotation(speed * time, speed, model, unit.is_held)
+    rigid = unit.is_longitudinally_rigid
+    T = wheel.rotation(speed * time, speed, model, rigid)
     step = 1e-3 / abs(speed)  # a symmetric difference of fourth order: sines, whose fifth derivative is below 1
-    shifted = [wheel.rotation(speed * (time + k * step), speed, model, unit.is_held) for k in (-2, -1, 1, 2)]
+    shifted = [wheel.rotation(speed * (time + k * step), speed, model, rigid) for k in (-2, -1, 1, 2)]
     T_dot = (shifted[0] - 8.0 * shifted[1] + 8.0 * shifted[2] - shifted[3]) / (12.0 * step)
     size = np.abs(T).max() * max(np.abs(A).max(), np.abs(F).max())
     assert np.abs(A @ T - T_dot - T @ F).max() < 1e-10 * size
@@ -627,7 +628,7 @@ def test_tips_of_table_1_by_hand():
         for v, s in motions[i:]
     )
     assert [round(tip[0] * 30.0 / math.pi) for tip in expected] == [472, 2592, 3286, 4711, 5406, 6100]
-    found = tongue_tips(TABLE_1, second(eps, 0.9))
+    found = combination_resonances(TABLE_1, second(eps, 0.9))
     assert len(found) == 6
     for tip, (speed, low, high, growth) in zip(found, expected, strict=True):
         assert (tip.speed, *tip.frequencies) == pytest.approx((speed, low, high), rel=1e-10)
@@ -655,7 +656,7 @@ def test_tongues_begin_at_the_tips(which):
     """Growth and width are as predicted but for the next order: a tenth of eps leaves a tenth of the relative error."""
     errors = []
     for eps in (1e-2, 1e-3):
-        tip = tongue_tips(UNDAMPED, second(eps))[which]
+        tip = combination_resonances(UNDAMPED, second(eps))[which]
         growth = stability(UNDAMPED, second(eps), tip.speed).exponents.real.max()
         low, high = edges(second(eps), tip)
         errors.append(
@@ -679,7 +680,7 @@ def test_damping_lifts_the_tips(model):
     ratios = []
     for zeta in (0.004, 0.001):
         unit = UNDAMPED.replace(zeta_1=zeta, zeta_s=2.0 * zeta)
-        tips = [tip for tip in tongue_tips(unit, second(0.01), model) if tip.growth > 1.0]
+        tips = [tip for tip in combination_resonances(unit, second(0.01), model) if tip.growth > 1.0]
         for tip in tips:
             low, high = 0.0, 2.0 * tip.threshold
             for _ in range(20):
@@ -695,7 +696,7 @@ def test_damping_lifts_the_tips(model):
 def test_tips_on_a_round_support(model):
     """Without a direction only forward whirls meet the turning stiffness, and each tip is there once."""
     unit = UNDAMPED.replace(longitudinal_stiffness=TABLE_1.suspension_stiffness)
-    tips = tongue_tips(unit, second(0.01), model)
+    tips = combination_resonances(unit, second(0.01), model)
     if model == "inextensional":
         low, high = (whirls(TABLE_1)[k][0] for k in (0, 2))
         assert [tip.speed for tip in tips] == pytest.approx([low, 0.5 * (low + high), high], rel=1e-7)
@@ -711,7 +712,7 @@ def test_an_unround_support_splits_the_region_in_three():
     stiffer = TABLE_1.replace(suspension_stiffness=2.0 * TABLE_1.suspension_stiffness)
     other = whirls(stiffer)[2][0]  # fore and aft is as vertical, of a stiffer suspension
     unit = UNDAMPED.replace(longitudinal_stiffness=stiffer.suspension_stiffness)
-    tips = [tip for tip in tongue_tips(unit, second(1e-3)) if tip.growth > 0.1]
+    tips = [tip for tip in combination_resonances(unit, second(1e-3)) if tip.growth > 0.1]
     assert [tip.speed for tip in tips] == pytest.approx([high, 0.5 * (high + other), other], rel=1e-9)
     for tip in tips:
         low, top = edges(second(1e-3), tip, unit)
@@ -720,7 +721,7 @@ def test_an_unround_support_splits_the_region_in_three():
 
 
 def test_tips_of_the_complete_model_are_tongues():
-    for tip in tongue_tips(UNDAMPED, second(0.001), "complete"):
+    for tip in combination_resonances(UNDAMPED, second(0.001), "complete"):
         growth = stability(UNDAMPED, second(0.001), tip.speed, "complete").exponents.real.max()
         assert growth == pytest.approx(tip.growth, rel=0.05)
 
@@ -755,7 +756,7 @@ def test_map_is_stability_point_by_point(model, n_max):
 @pytest.mark.slow
 def test_map_has_tongues_at_the_tips_and_nowhere_else():
     """At eps = 0.01 half a tongue is `growth` wide; those of order 2 and 3 lie at halves and thirds of the sums."""
-    tips = tongue_tips(UNDAMPED, second(0.01))
+    tips = combination_resonances(UNDAMPED, second(0.01))
     step = 0.5
     omega = np.arange(150.0, 700.0, step)
     grid = tongue_map(UNDAMPED, second(0.01), omega, [1.0])

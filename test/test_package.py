@@ -15,9 +15,9 @@ import setuptools
 import yaml
 
 import tire_dynamics
-from tire_dynamics import TireWheelUnit
+from tire_dynamics import TireWheelUnit, read_unit
 from tire_dynamics.build_state import CYTHON
-from tire_dynamics.doors.parameters import PARAMETERS, complete
+from tire_dynamics.replay.parameters import PARAMETERS, complete
 
 ROOT = Path(__file__).parents[1]
 
@@ -260,7 +260,7 @@ VEHICLE = flat(plain_yaml("vehicle.yaml")["/**"]["ros__parameters"])
 
 
 def test_table_1_yaml_holds_every_field_of_table_1():
-    assert TireWheelUnit.from_yaml(ROOT / "config" / "table_1.yaml") == TireWheelUnit.table_1()
+    assert read_unit(ROOT / "config" / "table_1.yaml") == TireWheelUnit.table_1()
     assert plain_yaml("table_1.yaml") == TireWheelUnit.table_1().to_mapping()
 
 

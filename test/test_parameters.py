@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.parameters import PARAMETERS, complete, read_config, unit_of, vehicle_settings
+from tire_dynamics import TireWheelUnit, read_unit
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.parameters import PARAMETERS, complete, read_config, unit_of, vehicle_settings
 
 CONFIG = Path(__file__).parents[1] / "config"
 ROWS = {row.name: row for row in PARAMETERS}
@@ -174,7 +174,7 @@ def test_the_configs_of_this_package():
     assert unit_of(vehicle) == TireWheelUnit.table_1(sidewall_damping="reaction", zeta_s=zeta_s)
     table_1 = read_config(CONFIG / "table_1.yaml")
     assert set(table_1) == {f"tire.{field}" for field in TIRE_FIELDS}
-    assert unit_of(complete(table_1)) == TireWheelUnit.from_yaml(CONFIG / "table_1.yaml") == TireWheelUnit.table_1()
+    assert unit_of(complete(table_1)) == read_unit(CONFIG / "table_1.yaml") == TireWheelUnit.table_1()
 
 
 def test_only_what_is_meant_for_this_node_is_read(tmp_path):

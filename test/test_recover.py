@@ -23,14 +23,14 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.bag import salvage as salvage_module
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import WrenchEncoder, encode_float64
-from tire_dynamics.doors.recover import recover
-from tire_dynamics.doors.replay import replay
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.bag import salvage as salvage_module
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
+from tire_dynamics.cli.main import main
+from tire_dynamics.cli.recover import recover
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.replay import replay
 
 REPOSITORY = Path(__file__).parents[1]
 BEGIN = 1_700_000_000 * 10**9
@@ -391,8 +391,8 @@ def test_messages_outside_chunks(tmp_path):
 
 KILLED = """
 import os, signal, sys
-from tire_dynamics.doors.bag import BagWriter
-from tire_dynamics.doors.messages import FLOAT64, encode_float64
+from tire_dynamics.bag import BagWriter
+from tire_dynamics.cdr.messages import FLOAT64, encode_float64
 
 writer = BagWriter(sys.argv[1], chunk_size=1000)
 handle = writer.add_topic("/speed", FLOAT64)

@@ -17,15 +17,15 @@ import numpy as np
 import pytest
 from rosbags.highlevel import AnyReader
 
-from tire_dynamics import TireWheelUnit, simulate
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.errors import InputError
-from tire_dynamics.doors.messages import JointStateEncoder, WrenchEncoder, encode_float64
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.wiring import Wiring
+from tire_dynamics import TireWheelUnit, simulate, write_unit
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64
+from tire_dynamics.cli.main import main
 from tire_dynamics.estimator.vehicle import Vehicle, VehicleSettings
+from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.replay.replay import replay
 
 SECOND = 10**9
 BEGIN = 1_700_000_000 * SECOND
@@ -123,7 +123,7 @@ def wrenches(folder: Path, wheel: str = "wheel") -> np.ndarray:
 @pytest.mark.parametrize("unit", [MODAL, REACTION], ids=["modal", "reaction"])
 def test_constant_inputs_give_what_simulate_gives(tmp_path, unit):
     constant(tmp_path / "in", 2.0, speed=209.44, load=1961.33)
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     replay(tmp_path / "in", tmp_path / "out", config=tmp_path / "unit.yaml")
     rows = wrenches(tmp_path / "out")
     assert len(rows) == 996  # 500 Hz from BEGIN, which is a multiple of the period, to the last input at 1.99 s
@@ -314,7 +314,7 @@ def test_a_topic_of_another_type_is_named(tmp_path):
 
 
 def _damaged_records():
-    good = json.loads(messages.decode_string(Wiring({"wheels": ["w"]}).record({})))
+    good = json.loads(messages.decode_string(Pipeline({"wheels": ["w"]}).record({})))
     yield from ("", "{}", "[]", "nonsense")
     for key in good:
         for value in (None, 5, "text", [5]):
@@ -326,6 +326,18 @@ def _damaged_records():
     yield json.dumps({**good, "vehicle": {"time": 5, "ring_turns": [1], "wheels": [5]}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "time": "now"}})
     yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": []}})
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "time": 2**70}})
+    # more than there is room for: what is compiled writes where it is told to
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "ring_turns": [1] * 10_000}})
+    yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": good["vehicle"]["wheels"] * 10_000}})
+    [wheel] = good["vehicle"]["wheels"]
+    belt = wheel["belt"]
+    for changes in (
+        {"state": [0.0] * 10_000}, {"state": []}, {"speed": [[2**70, 1.0, None], []]}, {"load": [None, [[5, 1.0]]]},
+        {"spin_speed": 10**400}, {"belt": {**belt, "own": [[[0.0] * 1000] * 2] * 2}},
+        {"belt": {**belt, "interval": [2**64, 1.0, 1.0, 1.0]}}, {"belt": {**belt, "interval": [1]}},
+    ):  # fmt: skip
+        yield json.dumps({**good, "vehicle": {**good["vehicle"], "wheels": [{**wheel, **changes}]}})
 
 
 @pytest.mark.parametrize("record", [*_damaged_records()], ids=lambda record: record[-60:])
@@ -445,7 +457,7 @@ def test_interrupting_leaves_nothing_behind(tmp_path):
 def interrupted(source: Path, tmp_path: Path) -> tuple[int, str]:
     """Exit status and last words of a replay that gets a SIGINT as soon as it has begun to write."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "tire_dynamics.doors.cli", "replay", str(source), "-o", str(tmp_path / "out")],
+        [sys.executable, "-m", "tire_dynamics.cli.main", "replay", str(source), "-o", str(tmp_path / "out")],
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])},
         stderr=subprocess.PIPE,
         text=True,

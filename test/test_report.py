@@ -24,13 +24,13 @@ from scipy import signal
 from test_cli import called, refused
 from test_replay import BEGIN, SECOND, InputBag, constant, wild
 
-from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader, BagWriter
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.doors.report import analysis, theory
-from tire_dynamics.doors.report.findings import critical_range, number, seconds, summary
-from tire_dynamics.doors.report.gather import Drive, gather, has_outputs
+from tire_dynamics import TireWheelUnit, wheel, write_unit
+from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.replay import replay
+from tire_dynamics.report import analysis, theory
+from tire_dynamics.report.findings import critical_range, number, seconds, summary
+from tire_dynamics.report.gather import Drive, gather, has_outputs
 from tire_dynamics.science.response import frequency_response
 from tire_dynamics.science.uncertainty import bands, value_of
 from tire_dynamics.science.uncertainty import sample as sample_units
@@ -475,7 +475,7 @@ def test_what_is_wrong_with_stamps_and_values_is_counted(tmp_path):
 
 def test_an_unstable_tire_is_the_headline(tmp_path):
     unit = TireWheelUnit.table_1(zeta_1=0.5, sidewall_damping="reaction")
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     speed = 1.05 * wheel.critical_speed(unit)
     bag = constant(tmp_path / "in", 1.0, speed=speed)
     found = summary(drive_of(bag, tmp_path, config=tmp_path / "unit.yaml"), wheel.critical_speed(unit))
@@ -617,7 +617,7 @@ def uncertain(tmp_path_factory) -> Path:
     """A page with bands, of one wheel whose angle is known; beside it the log, the unit and its errors."""
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
     folder = tmp_path_factory.mktemp("uncertain")
-    MODAL.to_yaml(folder / "unit.yaml")
+    write_unit(MODAL, folder / "unit.yaml")
     values = [value_of(MODAL, name) for name in UNCERTAIN["fields"]]
     (folder / "unit.errors.json").write_text(json.dumps({**UNCERTAIN, "values": values}))
     replay(rolling(folder / "in", 10.0, 2.0), folder / "log", config=folder / "unit.yaml")
@@ -781,7 +781,7 @@ def test_a_log_is_reported_as_it_is_and_with_other_parameters_replayed(tmp_path)
     assert json.loads(done.stdout)["bytes"] == (tmp_path / "log.html").stat().st_size and done.stderr == ""
     assert "a log, as it was recorded" in (tmp_path / "log.html").read_text(encoding="utf-8")
     assert called("report", tmp_path / "log", "-o", tmp_path / "new.html", "--config", VEHICLE).returncode == 2
-    TireWheelUnit.table_1(zeta_1=0.1).to_yaml(tmp_path / "unit.yaml")
+    write_unit(TireWheelUnit.table_1(zeta_1=0.1), tmp_path / "unit.yaml")
     done = called("report", tmp_path / "log", "-o", tmp_path / "new.html", "--config", tmp_path / "unit.yaml")
     assert done.returncode == 0
     assert "replayed for this report" in (tmp_path / "new.html").read_text(encoding="utf-8")
@@ -961,7 +961,7 @@ def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path
 
 @given(st.floats(1.0, 1e6), st.floats(1.1, 1e4))
 def test_axes_of_equal_ratios_have_ticks_within(low, ratio):
-    from tire_dynamics.doors.report.page import _log
+    from tire_dynamics.report.page import _log
 
     assume(ratio > 10.0)
     axis = _log(low, low * ratio)

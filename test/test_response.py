@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, simulate, wheel
-from tire_dynamics.doors.cli import main
+from tire_dynamics import TireWheelUnit, simulate, wheel, write_unit
+from tire_dynamics.cli.main import main
 
 TABLE_1 = TireWheelUnit.table_1()
 MODELS = ("inextensional", "complete")
@@ -353,8 +353,8 @@ def test_numbers_and_picture(tmp_path, capsys):
 def test_the_picture_has_the_numbers(tmp_path):
     """Every line of the figure against the response, the cross terms at standstill left out."""
     pytest.importorskip("matplotlib", reason="the extra `plot` brings it")
-    from tire_dynamics.doors.figures.response_drawing import draw
-    from tire_dynamics.doors.response import Bode
+    from tire_dynamics.cli.response import Bode
+    from tire_dynamics.figures.response_drawing import draw
 
     f = np.geomspace(1.0, 300.0, 200)
     for rpm, count in (((0.0, 2000.0, 24000.0), 3), (tuple(np.linspace(0.0, 6000.0, 7)), 7), ((0.0,), 1)):
@@ -375,7 +375,7 @@ def test_the_picture_has_the_numbers(tmp_path):
 
 def test_numbers_without_a_picture_need_no_matplotlib(tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    TABLE_1.replace(zeta_1=0.5).to_yaml(tmp_path / "unit.yaml")
+    write_unit(TABLE_1.replace(zeta_1=0.5), tmp_path / "unit.yaml")
     arguments = ["response", "--speed-rpm", "6000", "--config", str(tmp_path / "unit.yaml"), "--model", "complete"]
     assert main([*arguments, "--points", "3", "--json"]) == 0
     said = json.loads(capsys.readouterr().out)
@@ -413,7 +413,7 @@ def test_what_the_command_refuses(tmp_path, monkeypatch, capsys, arguments, word
 
 def test_an_undamped_resonance_is_one_line(tmp_path, capsys):
     unit = TABLE_1.replace(zeta_1=0.0, zeta_s=0.0)
-    unit.to_yaml(tmp_path / "unit.yaml")
+    write_unit(unit, tmp_path / "unit.yaml")
     resonance = repr(float(wheel.whirl_frequencies(unit, 0.0)[1]))
     arguments = ("response", "--speed-rpm", "0", "--config", tmp_path / "unit.yaml", "--from", resonance, "--json")
     assert "frequencies has 78.52021319 Hz" in refused(capsys, *arguments)
@@ -431,7 +431,7 @@ def test_files_are_replaced_only_by_force(tmp_path, capsys, suffix):
 
 
 def test_a_failure_leaves_what_was_there(tmp_path, monkeypatch):
-    from tire_dynamics.doors.outputs import aside
+    from tire_dynamics.files.outputs import aside
 
     there = tmp_path / "bode.csv"
     there.write_text("mine")

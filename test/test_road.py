@@ -10,9 +10,9 @@ import pytest
 from scipy import signal
 
 from tire_dynamics import TireWheelUnit
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.cli import main
-from tire_dynamics.doors.messages import JointStateDecoder, decode_float64
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import JointStateDecoder, decode_float64
+from tire_dynamics.cli.main import main
 from tire_dynamics.science import road
 
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.signal import csd, welch
 from scipy.special import k1
 
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import JOINT_STATE, WRENCH_STAMPED, JointStateDecoder, decode_wrench
 
 BAGS = Path(__file__).parents[1] / "bags"
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")

@@ -23,11 +23,11 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from tire_dynamics.doors.node import TireDynamicsNode
+from tire_dynamics.ros.node import TireDynamicsNode
 
 REPOSITORY = Path(__file__).parents[1]
 POLICY = REPOSITORY / "config" / "sros2" / "tire_dynamics.policy.xml"
-COMMAND = [sys.executable, "-m", "tire_dynamics.doors.cli", "node", "--ros-args"]
+COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main", "node", "--ros-args"]
 PATIENCE = 180.0  # [s] after which what should have happened has not
 CLOCK = {"/clock"}
 TF = {"/tf_static"}

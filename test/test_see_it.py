@@ -13,25 +13,26 @@ import pytest
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.markers import MARKER_ARRAY, MarkerBuilder
-from tire_dynamics.doors.parameters import read_config
-from tire_dynamics.doors.wiring import TF_STATIC, Wiring
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.parameters import read_config
+from tire_dynamics.replay.pipeline import TF_STATIC, Pipeline
+from tire_dynamics.ros.markers import MARKER_ARRAY, MarkerBuilder
 
 REPOSITORY = Path(__file__).parents[1]
 CONFIG = REPOSITORY / "config"
 
 store = get_typestore(Stores.ROS2_JAZZY)
-wiring = Wiring(read_config(CONFIG / "vehicle.yaml"))
-WHEELS = wiring.vehicle.settings.wheels
-SAMPLES = wiring.vehicle.settings.ring_samples
+pipeline = Pipeline(read_config(CONFIG / "vehicle.yaml"))
+WHEELS = pipeline.vehicle.settings.wheels
+SAMPLES = pipeline.vehicle.settings.ring_samples
 TYPES = {
-    **{f"/{name}": kind for name, kind in {**wiring.inputs, **wiring.outputs}.items()},
+    **{f"/{name}": kind for name, kind in {**pipeline.inputs, **pipeline.outputs}.items()},
     **{f"/{wheel}/markers": MARKER_ARRAY for wheel in WHEELS},
     "/diagnostics": "diagnostic_msgs/msg/DiagnosticArray",
     TF_STATIC: messages.TF,
 }
-FRAMES = {"base_link", *wiring.values["frame_ids"]}  # base_link: what the configuration says tf.parent_frame has to be
+# base_link: what the configuration says tf.parent_frame has to be
+FRAMES = {"base_link", *pipeline.values["frame_ids"]}
 SHOWN = {f"/{wheel}/{name}" for wheel in WHEELS for name in ("ring_shape", "markers")}
 
 # Display classes of rviz_default_plugins, by the type that each subscribes to (its plugins_description.xml)
@@ -165,7 +166,7 @@ def test_foxglove_draws_asks_and_listens_to_what_there_is(foxglove):
 
 def test_plotjuggler_plots_numbers_that_there_are(plotjuggler):
     curves = [curve.get("name") for curve in plotjuggler.iter("curve")]
-    joints = {f"/joint_states/{joint}/velocity" for joint in wiring.values["joint_names"]}
+    joints = {f"/joint_states/{joint}/velocity" for joint in pipeline.values["joint_names"]}
     assert joints <= set(curves)
     for curve in set(curves) - joints:
         topic = max((topic for topic in TYPES if curve.startswith(f"{topic}/")), key=len)

@@ -21,7 +21,7 @@ from test_node import Bench
 
 REPOSITORY = Path(__file__).parents[1]
 STEPS = ("loading", "starting", "configured", "active")
-EARLY = ("_rclpy_pybind11", "_multiarray_umath", "_fblas")  # extension modules, as they are loaded one after the other
+EARLY = ("_rclpy_pybind11", "_multiarray_umath", "_yaml")  # extension modules, as they are loaded one after the other
 INFO = ord(Log.INFO) if isinstance(Log.INFO, bytes) else Log.INFO
 LATE = "lz4"  # and the last of them
 
@@ -134,7 +134,7 @@ def test_a_signal_at_each_line_of_the_start_ends_it(ros_domain, step):
 
 STUCK = """
 import time
-from tire_dynamics.doors.start import Stop
+from tire_dynamics.ros.stop import Stop
 
 stop = Stop()
 stop.listen()

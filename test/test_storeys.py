@@ -1,4 +1,8 @@
-"""The storeys: science <- estimator <- doors. Imports point down only, and only the live doors know ROS."""
+"""The rooms of the package and their order, read from the code.
+
+Imports point down only, from a room to those below it; no files import one another in a circle; no module takes a
+private name of another; files, clocks and ROS stay where they belong.
+"""
 
 from __future__ import annotations
 
@@ -6,152 +10,204 @@ import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "tire_dynamics"
-STOREYS = ["science", "estimator", "doors"]
+
+ROOMS = ("science", "estimator", "files", "cdr", "bag", "replay", "figures", "report", "ros", "cli")
+"""From the lowest to the highest."""
+
+PUBLIC = 3  # the package's own names, which stand in no room, come from so many of them
 
 ROS = re.compile(
     r"rclpy|rpyutils|rosbag2_py|ament_index_python|launch(_\w+)?|(rosidl|tf2)_\w+|\w+_(msgs|srvs|interfaces)"
 )
-MAY_IMPORT_ROS = {
-    *("doors/deferred.py", "doors/demo.py", "doors/node.py", "doors/play.py", "doors/ros_parameters.py"),
-    "doors/start.py",
-}
+KNOWS_ROS = "ros"
 
-# Below the doors everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
+ARE_PURE = ("science", "estimator")
+# In these rooms everything is a function of its arguments: no clock, no file, no thread, no ROS. This is
 # what is allowed there; a list of what is not could never be complete.
 PURE = {
     *("__future__", "abc", "array", "bisect", "cmath", "collections", "copy", "dataclasses", "enum"),
     *("functools", "heapq", "itertools", "math", "numbers", "operator", "re", "types", "typing", "warnings"),
     *("struct", "cython", "numpy", "scipy"),
 }
-# The parameters of a tire come from a file and go into one.
-MAY_ALSO_USE = {
-    "science/tir_file.py": {"os", "open"},
-    "science/unit.py": {"os", "open"},
-    "science/yaml_file.py": {"os", "yaml", "open"},
-    "science/compiled.py": {"numba"},
-}
 
 
-def used_names(file: Path, package: Path) -> set[str]:
-    """What a file imports, at any depth and by its full name (``from a import b`` is a.b), and ``open``."""
+@dataclass(frozen=True)
+class Use:
+    """A name of another module, by its full name, that a module imports at any depth or reads of an imported one."""
+
+    name: str
+    imported: bool = True
+
+
+def module_name(file: Path, package: Path) -> str:
+    parts = (package.name, *file.relative_to(package).with_suffix("").parts)
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def uses(file: Path, package: Path) -> set[Use]:
+    """What a file uses: ``from a import b`` is a.b; ``import a`` and then a._b is a and a._b; ``open`` is itself."""
     here = (package.name, *file.relative_to(package).with_suffix("").parts)
-    names = set()
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    found, modules = set(), {}
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
-            names.update(alias.name for alias in node.names)
+            found.update(Use(alias.name) for alias in node.names)
+            modules.update({alias.asname or alias.name: alias.name for alias in node.names})
         elif isinstance(node, ast.ImportFrom):
             base = [*(here[: len(here) - node.level] if node.level else ()), *filter(None, [node.module])]
-            names.update(".".join([*base, alias.name]) for alias in node.names)
+            for alias in node.names:
+                found.add(Use(".".join([*base, alias.name])))
+                modules[alias.asname or alias.name] = ".".join([*base, alias.name])
         elif isinstance(node, ast.Call):
             called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
             if called in ("import_module", "__import__") and isinstance(node.args[0], ast.Constant):
-                names.add(str(node.args[0].value))
+                found.add(Use(str(node.args[0].value)))
             elif called == "open":
-                names.add("open")
-    return names
-
-
-def objection(path: str, name: str, package: str) -> str | None:
-    """Why the file at ``path`` in the package may not use ``name``; None if it may."""
-    storey = path.split("/")[0] if "/" in path else package
-    top, *rest = name.split(".")
-    if ROS.fullmatch(top):
-        return None if path in MAY_IMPORT_ROS else f"only {' and '.join(sorted(MAY_IMPORT_ROS))} know ROS"
-    if top == package:
-        # `from tire_dynamics import simulate`: a public name comes from any storey but the doors.
-        target = rest[0] if rest and rest[0] in STOREYS else package
-        order = [*STOREYS[:2], package, STOREYS[2]]
-        return None if order.index(target) <= order.index(storey) else f"{target} is above {storey}"
-    if storey in STOREYS[:2] and top not in PURE | MAY_ALSO_USE.get(path, set()):
-        return f"{storey} is pure (PURE in {Path(__file__).name} is what that allows)"
-    return None
-
-
-def violations(package: Path) -> list[str]:
-    """One line for every forbidden use in a package."""
-    found = []
-    for file in sorted(package.rglob("*.py")):
-        path = file.relative_to(package).as_posix()
-        for name in sorted(used_names(file, package)):
-            if why := objection(path, name, package.name):
-                found.append(f"{path} uses {name}: {why}")
+                found.add(Use("open"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in modules:
+            found.add(Use(f"{modules[node.value.id]}.{node.attr}", imported=False))
     return found
 
 
+def place(module: str) -> float:
+    """How high a module stands; what is in no room stands above those that are public."""
+    room = module.split(".")[1] if "." in module else ""
+    return ROOMS.index(room) if room in ROOMS else PUBLIC - 0.5
+
+
+def home(name: str, modules: dict[str, Path]) -> str | None:
+    """The module of the package that a full name is, or belongs to."""
+    while name and name not in modules:
+        name = name.rpartition(".")[0]
+    return name or None
+
+
+def objections(package: Path) -> Iterator[str]:
+    """One line for each use that the rules forbid, and for each circle."""
+    modules = {module_name(file, package): file for file in sorted(package.rglob("*.py"))}
+    imports: dict[str, set[str]] = {}
+    for module, file in modules.items():
+        room = module.split(".")[1] if "." in module else ""
+        imports[module] = set()
+        for use in sorted(uses(file, package), key=lambda use: use.name):
+            top = use.name.partition(".")[0]
+            target = home(use.name, modules) if top == package.name else None
+            private = [part for part in use.name.split(".") if re.match(r"_(?!_)", part)]
+            if private and target is not None and target != module:
+                yield f"{module} uses {use.name}: a private name of another module"
+            if not use.imported:
+                continue
+            if top == package.name:
+                if place(use.name if "." in use.name else package.name) > place(module):
+                    yield f"{module} imports {use.name}: it stands higher"
+                elif target is not None and target != module:
+                    imports[module].add(target)
+            elif ROS.fullmatch(top):
+                if room != KNOWS_ROS:
+                    yield f"{module} imports {use.name}: only {KNOWS_ROS} knows ROS"
+            elif room in ARE_PURE and top not in PURE:
+                yield f"{module} uses {use.name}: {room} is pure (PURE in {Path(__file__).name} is what that allows)"
+    try:
+        TopologicalSorter(imports).prepare()
+    except CycleError as circle:
+        yield f"a circle: {' imports '.join(reversed(circle.args[1]))}"
+
+
 @pytest.mark.slow
-def test_imports_point_down_and_ros_stays_at_its_doors():
-    assert violations(PACKAGE) == []
+def test_the_package_keeps_the_rules():
+    assert list(objections(PACKAGE)) == []
 
 
-@pytest.mark.parametrize("path", [*STOREYS, *sorted(MAY_IMPORT_ROS), *MAY_ALSO_USE])
-def test_what_the_rules_name_exists(path):
-    assert (PACKAGE / path).exists()
+def test_every_folder_is_a_room():
+    assert {file.parent.name for file in PACKAGE.glob("*/__init__.py")} == set(ROOMS)
 
 
-def package_of_one_file(folder: Path, path: str, source: str) -> Path:
-    file = folder / "tire_dynamics" / path
-    file.parent.mkdir(parents=True)
-    file.write_text(source, encoding="utf-8")
-    return folder / "tire_dynamics"
-
-
-@pytest.mark.parametrize(
-    ("path", "source"),
-    [
-        ("science/ring.py", "from ..estimator import wheel"),
-        ("science/ring.py", "from ..estimator.wheel import step as s"),
-        ("science/ring.py", "from .. import doors"),
-        ("science/ring.py", "from .. import simulate"),
-        ("science/ring.py", "import tire_dynamics"),
-        ("science/ring.py", "import tire_dynamics.doors.bag as bag"),
-        ("science/ring.py", "def f():\n    from tire_dynamics.estimator import wheel"),
-        ("science/ring.py", "from importlib import import_module"),
-        ("science/ring.py", "import time"),
-        ("science/ring.py", "from pathlib import Path"),
-        ("science/ring.py", "import yaml"),
-        ("science/ring.py", "import mcap.reader"),
-        ("science/ring.py", "def f():\n    return open('x')"),
-        ("science/unit.py", "import time"),
-        ("science/deep/ring.py", "from ...estimator import wheel"),
-        ("science/__init__.py", "from ..estimator import wheel"),
-        ("estimator/wheel.py", "from ..doors import bag"),
-        ("estimator/wheel.py", "from tire_dynamics import simulate"),
-        ("estimator/wheel.py", "from datetime import datetime"),
-        ("estimator/wheel.py", "class A:\n    import rclpy.node"),
-        ("estimator/wheel.py", "__import__('tire_dynamics.doors')"),
-        ("doors/bag.py", "import rclpy"),
-        ("doors/bag.py", "from geometry_msgs.msg import WrenchStamped"),
-        ("doors/cli.py", "def f():\n    from std_srvs.srv import Trigger"),
-        ("doors/cli.py", "import importlib\nimportlib.import_module('rclpy')"),
-        ("__init__.py", "from .doors import cli"),
-        ("__init__.py", "import rclpy"),
-    ],
-)
-def test_a_forbidden_use_is_found(tmp_path, path, source):
-    assert len(violations(package_of_one_file(tmp_path, path, source))) == 1
+def package_of(folder: Path, **sources: str) -> Path:
+    """A package whose modules are named as ``science_ring``; ``root`` is its ``__init__``."""
+    package = folder / "tire_dynamics"
+    for name, source in {"root": "", "files_errors": "", "cdr_messages": "", **sources}.items():
+        room, _, module = name.partition("_")
+        file = package / room / f"{module}.py" if module else package / "__init__.py"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(source, encoding="utf-8")
+    return package
 
 
 @pytest.mark.parametrize(
-    ("path", "source"),
+    ("module", "source"),
     [
-        ("science/ring.py", "import numpy as np\nfrom scipy import optimize\nfrom .unit import Unit"),
-        ("science/unit.py", "from os import PathLike\nfrom . import yaml_file"),
-        ("science/yaml_file.py", "import yaml\nopen('x')"),
-        ("estimator/wheel.py", "from ..science import ring\nfrom tire_dynamics.science.unit import Unit"),
-        ("doors/bag.py", "import time, mcap\nfrom ..estimator import wheel\nfrom . import log\nopen('x')"),
-        ("doors/bag.py", "import rosbags.typesys\nfrom tire_dynamics import simulate"),
-        ("doors/node.py", "import rclpy\nfrom std_msgs.msg import Float64"),
-        ("doors/play.py", "from rclpy.node import Node"),
-        ("__init__.py", "from importlib import import_module\nfrom .estimator.simulate import simulate"),
+        ("science_ring", "from ..estimator import wheels"),
+        ("science_ring", "from ..estimator.wheels import step as s"),
+        ("science_ring", "from .. import cli"),
+        ("science_ring", "from .. import simulate"),
+        ("science_ring", "import tire_dynamics"),
+        ("science_ring", "import tire_dynamics.bag as bag"),
+        ("science_ring", "def f():\n    from tire_dynamics.estimator import wheels"),
+        ("science_ring", "from importlib import import_module"),
+        ("science_ring", "import time"),
+        ("science_ring", "from pathlib import Path"),
+        ("science_ring", "import yaml"),
+        ("science_ring", "def f():\n    return open('x')"),
+        ("estimator_wheels", "from ..bag import reader"),
+        ("estimator_wheels", "from tire_dynamics import simulate"),
+        ("estimator_wheels", "from datetime import datetime"),
+        ("estimator_wheels", "__import__('tire_dynamics.cli')"),
+        ("files_errors", "from ..bag import BagReader"),
+        ("cdr_messages", "if TYPE_CHECKING:\n    from ..replay.pipeline import Pipeline"),
+        ("bag_reader", "import rclpy"),
+        ("figures_drawings", "from ..cli.response import Bode"),
+        ("report_page", "from ..ros.log import Log"),
+        ("replay_pipeline", "from geometry_msgs.msg import WrenchStamped"),
+        ("cli_main", "def f():\n    from std_srvs.srv import Trigger"),
+        ("cli_main", "import importlib\nimportlib.import_module('rclpy')"),
+        ("cli_main", "from ..files import errors\nprint(errors._secret)"),
+        ("ros_markers", "from ..cdr.messages import _BODY"),
+        ("root", "from .cli import main"),
+        ("root", "import rclpy"),
     ],
 )
-def test_an_allowed_use_is_not_reported(tmp_path, path, source):
-    assert violations(package_of_one_file(tmp_path, path, source)) == []
+def test_a_forbidden_use_is_found(tmp_path, module, source):
+    assert len(list(objections(package_of(tmp_path, **{module: source})))) == 1
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("science_ring", "import numpy as np\nfrom scipy import optimize\nfrom .unit import Unit"),
+        ("science_ring", "import numpy as np\nnp._private = 1"),
+        ("files_yaml", "import yaml, os\nopen('x')"),
+        ("estimator_wheels", "from ..science import ring\nfrom tire_dynamics.science.unit import Unit"),
+        ("bag_reader", "import time, mcap\nfrom ..estimator import wheels\nfrom . import chunks\nopen('x')"),
+        ("replay_replay", "import rosbags.typesys\nfrom tire_dynamics import simulate\nfrom ..bag import BagReader"),
+        ("ros_node", "import rclpy\nfrom std_msgs.msg import Float64"),
+        ("cli_main", "from ..ros.play import play"),
+        ("root", "from importlib import import_module\nfrom .estimator.simulate import simulate"),
+    ],
+)
+def test_an_allowed_use_is_not_reported(tmp_path, module, source):
+    assert list(objections(package_of(tmp_path, **{module: source}))) == []
+
+
+@pytest.mark.parametrize(
+    "sources",
+    [
+        {"science_wheel": "from . import maps", "science_maps": "def f():\n    from . import wheel"},
+        {"science_a": "from .b import x", "science_b": "from .c import x", "science_c": "from .a import x"},
+        {"cli_a": "if TYPE_CHECKING:\n    from .b import B", "cli_b": "from . import a"},
+    ],
+)
+def test_a_circle_is_found(tmp_path, sources):
+    [line] = objections(package_of(tmp_path, **sources))
+    assert line.startswith("a circle: ")
 
 
 @pytest.mark.slow
@@ -160,11 +216,11 @@ def test_an_allowed_use_is_not_reported(tmp_path, path, source):
     [
         "import tire_dynamics",
         "from tire_dynamics import *",
-        "import sys; sys.argv[1:] = ['--help']; from tire_dynamics.doors.cli import main; main()",
+        "import sys; sys.argv[1:] = ['--help']; from tire_dynamics.cli.main import main; main()",
     ],
     ids=["import", "every public name", "--help"],
 )
-def test_ros_is_loaded_only_by_its_doors(use):
+def test_ros_is_loaded_only_by_its_room(use):
     script = f"""
 import sys
 try:

@@ -15,8 +15,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, ring
-from tire_dynamics.science.yaml_file import read_yaml, yaml_number
+from tire_dynamics import TireWheelUnit, read_unit, ring, write_unit
+from tire_dynamics.files.yaml_file import read_yaml, yaml_number
 
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
 RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]
@@ -296,8 +296,8 @@ def test_yaml_round_trip(tmp_path_factory, values):
     """Every bit survives, through our own reader and through plain PyYAML, which follows YAML 1.1."""
     unit = TireWheelUnit(**values)
     path = tmp_path_factory.getbasetemp() / "unit.yaml"
-    unit.to_yaml(path)
-    assert TireWheelUnit.from_yaml(path) == unit
+    write_unit(unit, path)
+    assert read_unit(path) == unit
     plain = yaml.safe_load(path.read_text(encoding="utf-8"))
     assert TireWheelUnit.from_mapping(plain) == unit
     assert list(plain) == FIELDS
@@ -325,7 +325,7 @@ def table_1_text(**changes):
 )
 def test_every_way_to_write_a_number(tmp_path, text):
     """YAML 1.1 takes half of these for text; nobody who writes 5.80e6 means text."""
-    unit = TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", table_1_text(radial_stiffness=text)))
+    unit = read_unit(write(tmp_path / "unit.yaml", table_1_text(radial_stiffness=text)))
     assert unit.radial_stiffness == 5.8e6
 
 
@@ -336,7 +336,7 @@ def test_every_way_to_write_a_number(tmp_path, text):
 )  # fmt: skip
 def test_not_a_number_in_yaml(tmp_path, text):
     with pytest.raises(ValueError, match="radial_stiffness is .* number"):
-        TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", table_1_text(radial_stiffness=text)))
+        read_unit(write(tmp_path / "unit.yaml", table_1_text(radial_stiffness=text)))
 
 
 @pytest.mark.parametrize(("text", "number"), [("010", 10.0), ("-0", 0.0), ("08.5", 8.5), ("1e0", 1.0)])
@@ -362,21 +362,21 @@ def test_the_other_plain_values(tmp_path, text, value):
 
 
 def test_config_is_table_1():
-    assert TireWheelUnit.from_yaml(CONFIG) == TABLE_1
-    assert TireWheelUnit.from_yaml(str(CONFIG)) == TABLE_1
+    assert read_unit(CONFIG) == TABLE_1
+    assert read_unit(str(CONFIG)) == TABLE_1
     assert TireWheelUnit.from_mapping(yaml.safe_load(CONFIG.read_text(encoding="utf-8"))) == TABLE_1
 
 
 def test_defaults_in_yaml(tmp_path):
     text = table_1_text(**dict.fromkeys(OTHERS))
-    assert TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", text)) == TABLE_1
+    assert read_unit(write(tmp_path / "unit.yaml", text)) == TABLE_1
 
 
 @pytest.mark.parametrize("name", POSITIVE)
 def test_missing_field(tmp_path, name):
     path = write(tmp_path / "unit.yaml", table_1_text(**{name: None}))
     with pytest.raises(ValueError, match=f"^{name} is missing"):
-        TireWheelUnit.from_yaml(path)
+        read_unit(path)
 
 
 @pytest.mark.parametrize("extra", ["raduis: 0.305", "zeta: 0.1", "Radius: 0.3", "1: 2", "~: 2", "true: 1"])
@@ -384,19 +384,19 @@ def test_field_that_is_none(tmp_path, extra):
     """Not a word of it is skipped."""
     path = write(tmp_path / "unit.yaml", table_1_text() + extra + "\n")
     with pytest.raises(ValueError, match="is not a field of TireWheelUnit; the fields are density, "):
-        TireWheelUnit.from_yaml(path)
+        read_unit(path)
 
 
 @pytest.mark.parametrize("name", FIELDS)
 def test_field_given_twice(tmp_path, name):
     path = write(tmp_path / "unit.yaml", table_1_text() + f"{name}: {getattr(TABLE_1, name)}\n")
     with pytest.raises(ValueError, match=f"'{name}' is given twice"):
-        TireWheelUnit.from_yaml(path)
+        read_unit(path)
 
 
 def test_radius_of_minus_one(tmp_path):
     with pytest.raises(ValueError, match="^radius is -1.0; it must be > 0$"):
-        TireWheelUnit.from_yaml(write(tmp_path / "unit.yaml", table_1_text(radius="-1")))
+        read_unit(write(tmp_path / "unit.yaml", table_1_text(radius="-1")))
 
 
 @pytest.mark.parametrize(
@@ -413,7 +413,7 @@ def test_not_such_a_file(tmp_path, text):
     """One clear line that names the file or the field, whatever it holds."""
     path = write(tmp_path / "unit.yaml", text)
     with pytest.raises(ValueError) as caught:
-        TireWheelUnit.from_yaml(path)
+        read_unit(path)
     message = str(caught.value)
     assert "\n" not in message
     assert str(path) in message or any(name in message for name in FIELDS)
@@ -423,14 +423,14 @@ def test_not_text(tmp_path):
     path = tmp_path / "unit.yaml"
     path.write_bytes(b"\x89MCAP0\r\n\xff\xfe\x00")
     with pytest.raises(ValueError, match="unit.yaml"):
-        TireWheelUnit.from_yaml(path)
+        read_unit(path)
 
 
 def test_no_such_file(tmp_path):
     with pytest.raises(FileNotFoundError, match="unit.yaml"):
-        TireWheelUnit.from_yaml(tmp_path / "unit.yaml")
+        read_unit(tmp_path / "unit.yaml")
     with pytest.raises(IsADirectoryError):
-        TireWheelUnit.from_yaml(tmp_path)
+        read_unit(tmp_path)
 
 
 def test_read_yaml_nested(tmp_path):

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from tire_dynamics.doors.variations import Variations
 from tire_dynamics.estimator.vehicle import Output
+from tire_dynamics.ros.uniformity_monitor import Variations
 
 
 def force(phi):

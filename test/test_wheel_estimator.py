@@ -327,6 +327,19 @@ def test_advance_backward_is_refused():
     assert estimator.snapshot() == before
 
 
+def test_a_time_that_is_no_whole_number_of_nanoseconds_is_refused(estimator):
+    """Seconds, say: cut to a whole number they would be another time."""
+    for call in (
+        lambda: estimator.add_speed(1.5, 1.0),
+        lambda: estimator.add_load(1.5, 1.0),
+        lambda: estimator.advance(1.5),
+        lambda: WheelEstimator(estimator.unit, timeout=1.5),
+    ):
+        with pytest.raises(TypeError):
+            call()
+    assert estimator.time is None and not estimator.counts
+
+
 # -- a week of driving ------------------------------------------------------------------------------------------
 
 

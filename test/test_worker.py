@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from tire_dynamics.doors.worker import Worker
+from tire_dynamics.ros.worker import Worker
 
 
 class Gate:

@@ -16,13 +16,12 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import Trigger
-from test_turning_live import Wheel, arguments_of, diagnosis
+from test_rotating_excitation_live import Wheel, arguments_of, diagnosis
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.replay import replay
-from tire_dynamics.science import nonuniform, turning
-from tire_dynamics.science.stepping import ExactStepper
+from tire_dynamics.bag import BagReader
+from tire_dynamics.replay.replay import replay
+from tire_dynamics.science import nonuniform, rotating_excitation
 from tire_dynamics.science.uniformity import OrderSums
 
 VARYING = {"sidewall_damping": "reaction", "zeta_s": 0.3, "radial_nonuniformity": [2.0, 0.07, 0.4]}
@@ -30,10 +29,9 @@ HEAVY = {
     function.__code__: name
     for name, function in {
         "stability": nonuniform.stability,
-        "tongues": nonuniform.tongue_tips.__wrapped__,
+        "tongues": nonuniform.combination_resonances.__wrapped__,
         "critical speed": wheel.critical_speed.__wrapped__,
-        "stepper": ExactStepper.__init__,
-        "turning": turning.turning.__wrapped__,
+        "turning": rotating_excitation.rotating_excitation.__wrapped__,
         "force variation": OrderSums.add,
     }.items()
 }
@@ -80,7 +78,7 @@ def test_nothing_heavy_is_done_by_the_thread_that_ticks(bench, where, tmp_path):
     assert node["parameters not yet in force"] == "none" and int(node["analyses waiting"]) <= 2
     one.close()
     # the rest is done in another process
-    assert dict(where) == dict.fromkeys(("stepper", "turning", "force variation"), {"worker"})
+    assert dict(where) == dict.fromkeys(("turning", "force variation"), {"worker"})
 
     [log] = (tmp_path / "logs").iterdir()
     again = tmp_path / "again"

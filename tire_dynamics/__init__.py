@@ -9,17 +9,48 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .estimator.load_estimate import LoadEstimate, estimate_loads
+    from .estimator.load_filter import LoadFilter, SensorNoise
     from .estimator.simulate import Response, simulate
+    from .estimator.vehicle_parameters import VehicleParameters
+    from .files.tir_unit import read_tir_unit
+    from .files.unit_file import read_unit, write_unit
+    from .files.vehicle_file import read_vehicle
     from .science import floquet, ring, wheel
     from .science.unit import TireWheelUnit
 
 __version__ = "0.1.0"
-__all__ = ["Response", "TireWheelUnit", "floquet", "ring", "simulate", "wheel"]
+__all__ = [
+    "LoadEstimate",
+    "LoadFilter",
+    "Response",
+    "SensorNoise",
+    "TireWheelUnit",
+    "VehicleParameters",
+    "estimate_loads",
+    "floquet",
+    "read_tir_unit",
+    "read_unit",
+    "read_vehicle",
+    "ring",
+    "simulate",
+    "wheel",
+    "write_unit",
+]
 
 _HOMES = {
     "TireWheelUnit": ".science.unit",
     "Response": ".estimator.simulate",
     "simulate": ".estimator.simulate",
+    "LoadEstimate": ".estimator.load_estimate",
+    "LoadFilter": ".estimator.load_filter",
+    "SensorNoise": ".estimator.load_filter",
+    "VehicleParameters": ".estimator.vehicle_parameters",
+    "estimate_loads": ".estimator.load_estimate",
+    "read_tir_unit": ".files.tir_unit",
+    "read_unit": ".files.unit_file",
+    "read_vehicle": ".files.vehicle_file",
+    "write_unit": ".files.unit_file",
 }
 
 

@@ -27,7 +27,7 @@ CORE = (
     "tire_dynamics.estimator.motion",
     "tire_dynamics.estimator.belt",
     "tire_dynamics.estimator.wheels",
-    "tire_dynamics.doors.stream",
+    "tire_dynamics.replay.stream",
 )
 
 CYTHON = (3, 0, 8)  # the oldest that will do: that of Ubuntu 24.04

@@ -9,8 +9,8 @@ from live_run import WHEELS, WRENCHES
 from rosbags.typesys import Stores, get_typestore
 from test_live_log import SECOND, assert_replayed
 
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr import messages
 
 store = get_typestore(Stores.ROS2_JAZZY)
 

@@ -11,8 +11,8 @@ from live_run import WRENCHES
 from rosbags.typesys import Stores, get_typestore
 from test_live_log import replay
 
-from tire_dynamics.doors.bag import BagReader
-from tire_dynamics.doors.recover import recover
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cli.recover import recover
 
 store = get_typestore(Stores.ROS2_JAZZY)
 

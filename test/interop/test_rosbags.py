@@ -10,8 +10,8 @@ from rosbags.typesys import Stores, get_typestore
 from test_live_log import SECOND, replay
 
 from tire_dynamics import TireWheelUnit, simulate
-from tire_dynamics.doors import messages
-from tire_dynamics.doors.bag import BagReader
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr import messages
 
 store = get_typestore(Stores.ROS2_JAZZY)
 BEGIN = 1_700_000_000 * SECOND

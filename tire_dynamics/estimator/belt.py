@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from numbers import Integral
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,7 @@ from ..science.elementary import cos_sin
 from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
+from .settings import check_wheel
 
 try:
     import cython
@@ -42,11 +43,11 @@ def ring_angles(samples: int) -> FloatArray:
     return 2.0 * math.pi * np.arange(samples) / samples
 
 
-def belt_numbers(n_max: int, model: Model) -> NDArray[np.int64]:
+def belt_numbers(n_max: SupportsIndex, model: Model) -> NDArray[np.int64]:
     """The wavenumbers beside n = 1: 2..n_max, and 0 where the ring can stretch."""
     if not isinstance(n_max, Integral) or n_max < 2:
         raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 2")
-    numbers = np.arange(2, n_max + 1)
+    numbers = np.arange(2, int(n_max) + 1)
     return np.concatenate([[0], numbers]) if model == "complete" else numbers
 
 
@@ -121,7 +122,7 @@ class BeltMotion:
     # real and imaginary parts in rows of their own. For K = 2 the layouts are those of mode_eigensystem; for K = 4,
     # right and left have a row for each element of the state x = (V_1, V_2, Z_1, Z_2).
 
-    def __init__(self, unit: TireWheelUnit, model: Model, n_max: int, wheels: int, psi: ArrayLike) -> None:
+    def __init__(self, unit: TireWheelUnit, model: Model, n_max: SupportsIndex, wheels: int, psi: ArrayLike) -> None:
         numbers = belt_numbers(n_max, model)
         basis = shape_basis(psi, numbers)
         self.wheels, self.points = wheels, basis.shape[1]
@@ -166,12 +167,14 @@ class BeltMotion:
 
     def reset(self, index: int) -> None:
         """Be at rest."""
+        check_wheel(index, self.wheels)
         self.waiting[index] = 0
         self._eigensystem(index, 0.0)
         self._put(index, np.zeros((2, self.N, self.K)))
 
     def start(self, index: int, speed: float, load: float, traction: float) -> None:
         """Be in the steady state of a constant speed [rad/s], load and traction [N]."""
+        check_wheel(index, self.wheels)
         self.waiting[index] = 0
         if speed != self.speed[index]:
             self._eigensystem(index, speed)
@@ -397,15 +400,18 @@ class BeltMotion:
 
     def advance(self, index: int, length: int, speed: float, load: float, traction: float = 0.0) -> None:
         """Go on by a length [ns] under a speed [rad/s], a load and a traction [N] that are held."""
+        check_wheel(index, self.wheels)
         self.hold(index, length, speed, load, traction)
 
     def deflection(self, index: int, motion: Motion) -> FloatArray:
         """Radial and tangential deflection relative to the wheel centre [m], shape (2, P), with the n = 1 motion."""
+        check_wheel(index, self.wheels)
         self.deflect(index, motion)
         return np.array(self.shape).reshape(2, -1)
 
     def state_of(self, index: int) -> NDArray[np.complex128]:
         """The state x of one belt now, shape (N, K): V, Z, or V_1, V_2, Z_1, Z_2."""
+        check_wheel(index, self.wheels)
         real, imaginary = self._state_now(index)
         return real + 1j * imaginary
 
@@ -443,6 +449,7 @@ class BeltMotion:
 
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types."""
+        check_wheel(index, self.wheels)
         self.take(index)
         first, M = index * self.room, self.M
         own = np.array(self.own[2 * index * M : 2 * (index + 1) * M]).reshape(2, self.N, self.K)
@@ -455,6 +462,7 @@ class BeltMotion:
 
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
+        check_wheel(index, self.wheels)
         own = np.array(snapshot["own"], dtype=np.float64)
         expected = (2, self.N, self.K)
         if own.shape != expected:
@@ -477,9 +485,9 @@ def _product(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 def _sum(a: FloatArray) -> FloatArray:
-    """Sums over the last axis, in order."""
+    """Sums over the last axis of three, in order."""
     total = a[..., 0]
-    for k in range(1, a.shape[-1]):
+    for k in range(1, a.shape[2]):
         total = total + a[..., k]
     return total
 

@@ -19,7 +19,7 @@ from scipy import interpolate, linalg, optimize, signal
 from ..science import wheel
 from ..science.spectra import Spectra, Transfer
 from ..science.uncertainty import value_of, with_values
-from ..science.unit import ROAD, TURNING, TireWheelUnit
+from ..science.unit import ROAD, ROTATING, TireWheelUnit
 from .simulate import simulate
 
 __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recording", "Seen", "identify"]
@@ -47,7 +47,7 @@ UNSEEN: Final[Mapping[str, str]] = {
     "thickness": _ONLY_MASS,
     "contact_half_angle": "the whole load reaches n = 1, however long the patch is",
     **dict.fromkeys(ROAD, "it matters on the road alone, and what is fitted is the response to a load"),
-    **dict.fromkeys(TURNING, "it turns with the tire, and what is fitted is the response of the mean tire"),
+    **dict.fromkeys(ROTATING, "it turns with the tire, and what is fitted is the response of the mean tire"),
     "sidewall_damping": "it is a choice, not a number; compare the noise that two fits leave",
 }
 """Why the other fields cannot be fitted."""
@@ -66,6 +66,7 @@ _LEAKAGE = 0.05  # of H1: what windows and a speed that is not quite steady do, 
 _EARLIEST, _LATEST = -0.1, 0.3  # [s]: delays that are looked for
 _NEARBY = 0.02  # [s]: how far the time series may move the delay
 _FACTOR = 30.0  # by which a parameter may leave the starting unit's
+_WIDTH = 0.5  # of a prior
 _TOP_ZETA = 0.99
 _DIFFERENCE = 1e-6  # of the logarithm, for derivatives
 _ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # of the noise's autoregression
@@ -137,7 +138,7 @@ class Identification:
         more the prior's than theirs.
     at_bound : tuple of str
         Parameters that ended at the end of the range that is looked at.
-    prior_width : float
+    prior_width : ndarray, shape (P,)
         Standard deviation of the prior of each ln(value).
     delay, delay_error : float
         Of the measurement [s]: it shows what the axle did so long before.
@@ -165,7 +166,7 @@ class Identification:
     correlation: FloatArray
     from_data: FloatArray
     at_bound: tuple[str, ...]
-    prior_width: float
+    prior_width: FloatArray
     delay: float
     delay_error: float
     axes: tuple[int, ...]
@@ -183,7 +184,8 @@ class Identification:
     @property
     def priors(self) -> tuple[str, ...]:
         """Parameters of which the data say less than the prior."""
-        return tuple(name for name, own in zip(self.names, self.from_data, strict=True) if own > self.prior_width)
+        known = zip(self.names, self.from_data, self.prior_width, strict=True)
+        return tuple(name for name, own, width in known if own > width)
 
 
 def identify(
@@ -193,7 +195,7 @@ def identify(
     *,
     axes: Literal["z", "xz"] = "z",
     joined: Joined = "smooth",
-    prior_width: float = 0.5,
+    prior_width: float | Mapping[str, float] = 0.5,
     model: wheel.Model = "inextensional",
 ) -> Identification:
     """Fit parameters of a unit to a force that was measured at its axle.
@@ -210,8 +212,9 @@ def identify(
     joined : {"smooth", "lines", "held"}
         What the load was between its samples: a cubic spline, for a quantity that was sampled faster than it changes;
         straight lines, as :func:`.simulate` has them; or held, as the live estimator takes it.
-    prior_width : float
-        Standard deviation of the prior of each parameter's logarithm.
+    prior_width : float or mapping of str to float
+        Standard deviation of the prior of each parameter's logarithm, of all or by their names; 0.5 of those that a
+        mapping leaves out.
     model : {"inextensional", "complete"}
 
     Returns
@@ -240,12 +243,18 @@ def identify(
     deviation. They are right if the model is: what a wrong model or a wrong fixed field does is not in them.
     """
     _check(start, fit, axes, prior_width)
-    problem = _Problem(recording, start, tuple(fit), AXES[axes], joined, prior_width, model)
+    problem = _Problem(recording, start, tuple(fit), AXES[axes], joined, _widths(fit, prior_width), model)
     seen, first, delay = _from_spectra(problem)
     return _from_time_series(problem, seen, first, delay)
 
 
-def _check(start: TireWheelUnit, fit: Sequence[str], axes: str, prior_width: float) -> None:
+def _widths(fit: Sequence[str], prior_width: float | Mapping[str, float]) -> FloatArray:
+    if isinstance(prior_width, Mapping):
+        return np.array([prior_width.get(name, _WIDTH) for name in fit], np.float64)
+    return np.full(len(fit), prior_width, np.float64)
+
+
+def _check(start: TireWheelUnit, fit: Sequence[str], axes: str, prior_width: float | Mapping[str, float]) -> None:
     if not fit:
         raise ValueError("fit is empty; it must name at least one parameter")
     for name in fit:
@@ -253,7 +262,7 @@ def _check(start: TireWheelUnit, fit: Sequence[str], axes: str, prior_width: flo
             raise ValueError(f"{name} cannot be fitted: {UNSEEN[name]}")
         if name not in FITTED:
             raise ValueError(f"{name[:100]!r} is no parameter that can be fitted; those are {', '.join(FITTED)}")
-        if name in FORE_AFT and start.is_held:
+        if name in FORE_AFT and start.is_longitudinally_rigid:
             raise ValueError(
                 f"{name} cannot be fitted: the starting unit's longitudinal_stiffness is 0, which holds it"
             )
@@ -267,8 +276,9 @@ def _check(start: TireWheelUnit, fit: Sequence[str], axes: str, prior_width: flo
         raise ValueError(f"fit is {', '.join(fit)}; no parameter may stand twice")
     if axes not in AXES:
         raise ValueError(f"axes is {axes!r}; it must be one of {', '.join(AXES)}")
-    if not 1e-3 <= prior_width <= 10.0:
-        raise ValueError(f"prior_width is {prior_width!r}; it must be from 0.001 to 10")
+    for width in _widths(fit, prior_width).tolist():
+        if not 1e-3 <= width <= 10.0:
+            raise ValueError(f"prior_width is {width!r}; it must be from 0.001 to 10")
 
 
 # -- stretches ----------------------------------------------------------------------------------------------------
@@ -294,7 +304,7 @@ class _Problem:
         names: tuple[str, ...],
         axes: tuple[int, ...],
         joined: Joined,
-        prior_width: float,
+        prior_width: FloatArray,
         model: wheel.Model,
     ) -> None:
         self.recording, self.start, self.names, self.axes = recording, start, names, axes
@@ -683,7 +693,7 @@ class _Series:
     def prior_slope(self, z: FloatArray) -> FloatArray:
         """Derivatives of the priors' residuals (x - origin)/width, (P, P + 1 + A)."""
         P = len(self.problem.names)
-        slope = self.coordinates.slope(self.coordinates.logs(z[:P])) / self.problem.prior_width
+        slope = self.coordinates.slope(self.coordinates.logs(z[:P])) / self.problem.prior_width[:, None]
         return np.concatenate([slope, np.zeros((P, z.size - P))], axis=1)
 
     def noise(self, residual: FloatArray) -> list[_Noise]:

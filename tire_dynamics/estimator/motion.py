@@ -6,7 +6,7 @@ In the fixed frame, with the speed Omega, the load and the traction linear over 
     dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance
               - h M^-1 N^T kappa exp(2 i phi) conj(N q)
 
-(:mod:`~tire_dynamics.science.turning`; E makes the Euler terms of the complete model). Everything in it is an entire
+(:mod:`.rotating_excitation`; E makes the Euler terms of the complete model). Everything in it is an entire
 function of tau, so that the Taylor coefficients of z follow one from the other. The series is summed until what is
 left is below the rounding of a double; it has no truncation error at any step length. Long steps are cut into pieces
 over which the norm is small, and where nothing rotates with the tire a very long one is doubled up.
@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import turning, wheel
+from ..science import rotating_excitation, wheel
 from ..science.unit import TireWheelUnit
+from .settings import check_wheel
 
 try:
     import cython
@@ -124,13 +125,13 @@ class Motion:
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire from now on. Positions and velocities go on as they are; a wheel is let go at rest."""
-        parts, frame = turning.turning(unit, self.model), wheel.fixed_frame(unit, self.model)
+        parts, frame = rotating_excitation.rotating_excitation(unit, self.model), wheel.fixed_frame(unit, self.model)
         states = wheel.states(unit, self.model)
         self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
         n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
         self.runouts = len(parts.runout)
-        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_held
+        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
         self.harmonics, self.highest = max(self.runouts, 2), parts.highest
         # of the accelerations alone: the displacements' rows only say that their rates are the velocities
         self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
@@ -146,7 +147,7 @@ class Motion:
         self.convolved, self.answers = (_zeros(2 * max(self.pairs, 1) * (_TERMS + 2)) for _ in range(2))
         self.cosines, self.sines = (_zeros(self.harmonics * 3) for _ in range(2))
         self.angles, self.none = (_zeros(self.harmonics) for _ in range(2))
-        self.affine, self.squared = (_zeros((n + 2) * n) for _ in range(2))
+        self.affine, self.squared = (_zeros((n + 3) * n) for _ in range(2))
         self.reach = np.array(_REACHES).data
 
     def reset(self, index: int) -> None:
@@ -155,6 +156,7 @@ class Motion:
 
     def put(self, index: int, state: FloatArray, speed: float, angle: float) -> None:
         """Be in a state, shape (n,), whose velocities are for a speed [rad/s], at the wheel's angle [rad]."""
+        check_wheel(index, self.wheels)
         n = self.states
         if state.shape != (n,):
             raise ValueError(f"the state has shape {state.shape}; it must be {(n,)}")
@@ -190,6 +192,7 @@ class Motion:
         angle : float
             The wheel's at the beginning [rad], if it is known; NaN if not.
         """
+        check_wheel(index, self.wheels)
         self.step(index, seconds, speed, speed_change, load, traction, load_change, traction_change, angle)
 
     def follow_lines(self, time: FloatArray, speed: FloatArray, force: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -208,6 +211,8 @@ class Motion:
         forces : ndarray, shape (N, 2)
             On the axle (x, z), REP 103 axes [N].
         """
+        if time.ndim != 1 or speed.shape != time.shape or force.shape != (len(time), 2):
+            raise ValueError(f"time, speed, force have the shapes {time.shape}, {speed.shape}, {force.shape}")
         states, forces = np.empty((len(time), self.states)), np.empty((len(time), 2))
         time, speed, force = (np.ascontiguousarray(each).reshape(-1) for each in (time, speed, force))
         self._follow_lines(
@@ -577,10 +582,10 @@ class Motion:
         traction_change: cython.double,
         norm: cython.double,
     ) -> cython.void:
-        """A step over which nothing rotates and the speed stays: [Phi g_0 g_1] of a short one, doubled up.
+        """A step over which nothing rotates and the speed stays: [Phi g d e] of a short one, doubled up.
 
-        z(h) = Phi z + g_0 + g_1, where g_0 comes of the forces at the beginning, g_1 of their change; over 2 h,
-        Phi Phi, Phi g_0 + g_0 and (Phi g_1 + g_0 + g_1)/2.
+        z(h) = Phi z + g + e, where g comes of the forces at the beginning, e of their change, and d of as large a force
+        as that, held; over 2 h, Phi Phi, Phi g + g, Phi d + d and (Phi e + d + e)/2.
         """
         n: cython.Py_ssize_t = self.states
         first: cython.Py_ssize_t = wheel * n
@@ -596,19 +601,21 @@ class Motion:
             length = 0.5 * length
             doublings += 1
         order = self.order_of(norm * length)
-        for a in range(n + 2):
+        for a in range(n + 3):
             for b in range(n):
                 self.terms[b] = 1.0 if a == b else 0.0
             if a < n:
                 self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, 0.0, 0.0)
             elif a == n:
                 self.series(self.matrix, at, order, length, 0.0, load, traction, 0.0, 0.0)
+            elif a == n + 1:
+                self.series(self.matrix, at, order, length, 0.0, load_change, traction_change, 0.0, 0.0)
             else:
                 self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, load_change, traction_change)
             for b in range(n):
                 self.affine[a * n + b] = self.after[b]
         for _ in range(doublings):
-            for a in range(n + 2):
+            for a in range(n + 3):
                 for b in range(n):
                     self.squared[a * n + b] = 0.0
                 for k in range(n):
@@ -617,12 +624,13 @@ class Motion:
                         self.squared[a * n + b] += total * self.affine[k * n + b]
             for b in range(n):
                 self.squared[n * n + b] += self.affine[n * n + b]
-                self.squared[(n + 1) * n + b] += self.affine[n * n + b] + self.affine[(n + 1) * n + b]
-                self.squared[(n + 1) * n + b] *= 0.5
-            for b in range((n + 2) * n):
+                self.squared[(n + 1) * n + b] += self.affine[(n + 1) * n + b]
+                self.squared[(n + 2) * n + b] += self.affine[(n + 1) * n + b] + self.affine[(n + 2) * n + b]
+                self.squared[(n + 2) * n + b] *= 0.5
+            for b in range((n + 3) * n):
                 self.affine[b] = self.squared[b]
         for b in range(n):
-            self.after[b] = self.affine[n * n + b] + self.affine[(n + 1) * n + b]
+            self.after[b] = self.affine[n * n + b] + self.affine[(n + 2) * n + b]
         for a in range(n):
             total = self.state[first + a]
             for b in range(n):
@@ -673,20 +681,24 @@ class Motion:
 
     def axle_force(self, index: int, speed: float) -> tuple[float, float]:
         """Force on one axle (x, z) at the speed in force [rad/s], REP 103 axes [N]."""
+        check_wheel(index, self.wheels)
         self.read(index, speed)
         return self.force_x, self.force_z
 
     def state_of(self, index: int) -> FloatArray:
         """The state of one wheel, shape (n,); a copy."""
+        check_wheel(index, self.wheels)
         n = self.states
         return np.array(self.state[index * n : (index + 1) * n])
 
     def phase_of(self, index: int) -> float:
         """The wheel's angle, modulo 2 pi [rad]: as it was measured last, or turned since the start."""
+        check_wheel(index, self.wheels)
         return float(self.phase[index])
 
     def spin_speed_of(self, index: int) -> float:
         """The speed that a wheel's velocities are for [rad/s]."""
+        check_wheel(index, self.wheels)
         return float(self.spin_speed[index])
 
     def snapshot(self, index: int) -> dict[str, Any]:

@@ -7,9 +7,11 @@ import math
 import operator
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
+
+from .settings import check_wheel
 
 try:
     import cython
@@ -79,12 +81,13 @@ class Schedule:
     Times are int64 nanoseconds; speeds [rad/s] and angles [rad], loads and tractions [N].
     """
 
+    # A parameter that is an ``int`` takes floats when compiled, and cuts them; SupportsIndex does not.
     # Of kind 0 (speed, angle) and 1 (load, traction): per wheel and kind, the sample in force and those that wait for
     # their time, in ascending stamps; the second value of a speed is NaN where no angle came with it.
 
-    def __init__(self, wheels: int, timeout: int) -> None:
+    def __init__(self, wheels: int, timeout: SupportsIndex) -> None:
         self.wheels = wheels
-        self.timeout = timeout
+        self.timeout = operator.index(timeout)
         self.time, self.has_time, self.running, self.diverged, self.stops, self.divergences, self.angle_used = (
             _integers(wheels) for _ in range(7)
         )
@@ -197,14 +200,16 @@ class Schedule:
             angle = _NAN
         return self.put(wheel, _SPEED, stamp, speed, angle)
 
-    def add_speed(self, wheel: int, stamp: int, speed: float, angle: float = math.nan) -> str:
+    def add_speed(self, wheel: int, stamp: SupportsIndex, speed: float, angle: float = math.nan) -> str:
         """Take a sample of the spin [rad/s] and of the wheel's angle [rad], stamped in ns; its outcome."""
+        check_wheel(wheel, self.wheels)
         if self.is_full(wheel, _SPEED):
             self.grow()
         return self._counted(wheel, self.put_speed(wheel, operator.index(stamp), speed, angle))
 
-    def add_load(self, wheel: int, stamp: int, load: float, traction: float = 0.0) -> str:
+    def add_load(self, wheel: int, stamp: SupportsIndex, load: float, traction: float = 0.0) -> str:
         """Take a sample of the load and the traction [N], stamped in ns; its outcome."""
+        check_wheel(wheel, self.wheels)
         if self.is_full(wheel, _LOAD):
             self.grow()
         return self._counted(wheel, self.put(wheel, _LOAD, operator.index(stamp), load, traction))
@@ -344,14 +349,17 @@ class Schedule:
 
     def is_running(self, wheel: int) -> bool:
         """Whether a wheel is in motion."""
+        check_wheel(wheel, self.wheels)
         return bool(self.running[wheel])
 
     def time_of(self, wheel: int) -> int | None:
         """The time that a wheel has reached [ns]."""
+        check_wheel(wheel, self.wheels)
         return int(self.time[wheel]) if self.has_time[wheel] else None
 
     def ages(self, wheel: int) -> tuple[int | None, int | None]:
         """Ages [ns] of the speed and of the load in force, None where there is none."""
+        check_wheel(wheel, self.wheels)
         ages: list[int | None] = []
         for at in (2 * wheel, 2 * wheel + 1):
             known = self.has[at] and self.has_time[wheel]
@@ -360,29 +368,35 @@ class Schedule:
 
     def speed_of(self, wheel: int) -> float:
         """Spin in force [rad/s], 0 before there is one."""
+        check_wheel(wheel, self.wheels)
         return float(self.values[4 * wheel]) if self.has[2 * wheel] else 0.0
 
     def load_of(self, wheel: int) -> tuple[float, float]:
         """Vertical load and traction in force [N], 0 before there are any."""
+        check_wheel(wheel, self.wheels)
         if not self.has[2 * wheel + 1]:
             return 0.0, 0.0
         return float(self.values[4 * wheel + 2]), float(self.values[4 * wheel + 3])
 
     def counts_of(self, wheel: int) -> Counter[str]:
         """Samples of a wheel by outcome, those that occurred."""
+        check_wheel(wheel, self.wheels)
         row = [int(self.counts[wheel * _KINDS + k]) for k in range(_KINDS)]
         return Counter({name: count for name, count in zip(OUTCOMES, row, strict=True) if count})
 
     def stops_of(self, wheel: int) -> int:
         """How often a wheel stopped for inputs that were too old."""
+        check_wheel(wheel, self.wheels)
         return int(self.stops[wheel])
 
     def divergences_of(self, wheel: int) -> int:
         """How often a wheel's motion diverged."""
+        check_wheel(wheel, self.wheels)
         return int(self.divergences[wheel])
 
     def snapshot(self, wheel: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types."""
+        check_wheel(wheel, self.wheels)
         angle = float(self.measured_angle[wheel])
         return {
             "time": self.time_of(wheel),
@@ -405,6 +419,7 @@ class Schedule:
 
     def restore(self, wheel: int, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot`."""
+        check_wheel(wheel, self.wheels)
         self.forget(wheel)
         if snapshot["time"] is not None:
             self.time[wheel], self.has_time[wheel] = operator.index(snapshot["time"]), 1
@@ -418,12 +433,11 @@ class Schedule:
             while len(waiting) > self.room:
                 self.grow()
             if known is not None:
-                self.has[at], self.stamp[at] = 1, operator.index(known[0])
-                self.values[2 * at], self.values[2 * at + 1] = _two(known)
-            self.waiting[at] = len(waiting)
+                self.stamp[at], self.values[2 * at], self.values[2 * at + 1] = _sample(known)
+                self.has[at] = 1
             for k, sample in enumerate(waiting, at * self.room):
-                self.waiting_stamp[k] = operator.index(sample[0])
-                self.waiting_values[2 * k], self.waiting_values[2 * k + 1] = _two(sample)
+                self.waiting_stamp[k], self.waiting_values[2 * k], self.waiting_values[2 * k + 1] = _sample(sample)
+            self.waiting[at] = len(waiting)
         self.angle_used[wheel] = bool(snapshot["angle_used"])
 
 
@@ -431,5 +445,7 @@ def _integers(count: int) -> memoryview:
     return np.zeros(count, dtype=np.int64).data
 
 
-def _two(sample: list[Any]) -> tuple[float, float]:
-    return float(sample[1]), math.nan if sample[2] is None else float(sample[2])
+def _sample(sample: list[Any]) -> tuple[int, float, float]:
+    """Unpacked, not indexed: nothing here looks whether an index is within a list."""
+    stamp, first, second = sample
+    return operator.index(stamp), float(first), math.nan if second is None else float(second)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
 
-__all__ = ["VehicleSettings"]
+__all__ = ["VehicleSettings", "check_wheel"]
 
 
 @dataclass(frozen=True)
@@ -25,3 +25,9 @@ class VehicleSettings:
     input_timeout: int = 200_000_000
     max_speed: float = 1000.0
     max_load: float = 200e3
+
+
+def check_wheel(index: int, count: int) -> None:
+    """Raise an IndexError if there is no wheel of this index: the compiled loops write where they are told to."""
+    if not 0 <= index < count:
+        raise IndexError(f"wheel is {index}; it must be from 0 to {count - 1}")

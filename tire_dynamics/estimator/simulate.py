@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..science import turning, wheel
+from ..science import rotating_excitation, wheel
 from ..science.modes import RingModes
 from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
@@ -105,7 +105,10 @@ def simulate(
         [_series("load", load, t.size), _series("traction", 0.0 if traction is None else traction, t.size)], axis=1
     )
     if initial == "equilibrium":
-        start = turning.steady_state(unit, float(omega[0]), float(force[0, 0]), float(force[0, 1]), angle, model)
+        load_at_first, traction_at_first = force[0].tolist()
+        start = rotating_excitation.steady_state(
+            unit, float(omega[0]), load_at_first, traction_at_first, angle, model
+        )
     elif initial == "rest":
         start = np.zeros(wheel.states(unit, model))
     else:

@@ -236,6 +236,6 @@ def stability_reply(
         "multipliers": None if multipliers is None else [[mu.real, mu.imag] for mu in multipliers.tolist()],
         "exponents_1_s": [[value.real, value.imag] for value in result.exponents.tolist()],
         "critical_speed_rad_s": wheel.critical_speed(unit, model),
-        "periodicity": "genuine" if nonuniform.is_genuine(unit, model, n_max) else "reducible",
+        "periodicity": "irreducible" if nonuniform.is_irreducibly_periodic(unit, model, n_max) else "reducible",
         "nearest_tongue_rad_s": nonuniform.nearest_tongue(unit, sidewall, speed, model),
     }

@@ -175,7 +175,7 @@ class WheelEstimator:
     def ring_state(self) -> FloatArray:
         """Ring-frame state of (5.1) [m/s, m]."""
         speed = self._motion.spin_speed_of(0)
-        return wheel.rotation(self.phase, speed, self.model, self.unit.is_held) @ self.state
+        return wheel.rotation(self.phase, speed, self.model, self.unit.is_longitudinally_rigid) @ self.state
 
     @property
     def axle_force(self) -> tuple[float, float]:

@@ -6,14 +6,14 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import turning, wheel
+from ..science import rotating_excitation, wheel
 from ..science.unit import TireWheelUnit
-from .settings import VehicleSettings
+from .settings import VehicleSettings, check_wheel
 
 try:
     import cython
@@ -190,16 +190,23 @@ class Wheels:
         outcome = self.schedule.put(wheel, _LOAD, stamp if stamp != 0 else received, load, traction)
         self.schedule.counts[wheel * _OUTCOMES + outcome] += 1
 
-    def add_speed(self, wheel: int, received: int, stamp: int, speed: float, angle: float = math.nan) -> None:
+    def add_speed(
+        self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, speed: float, angle: float = math.nan
+    ) -> None:
         """Take a sample of the spin [rad/s] and of the wheel's angle [rad]; times in ns."""
-        self.take_speed(wheel, received, stamp, speed, angle)
+        check_wheel(wheel, self.count)
+        self.take_speed(wheel, operator.index(received), operator.index(stamp), speed, angle)
 
-    def add_load(self, wheel: int, received: int, stamp: int, load: float, traction: float = 0.0) -> None:
+    def add_load(
+        self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, load: float, traction: float = 0.0
+    ) -> None:
         """Take a sample of the load, up positive, and of the traction along x_ros, on the tire [N]; times in ns."""
-        self.take_load(wheel, received, stamp, load, traction)
+        check_wheel(wheel, self.count)
+        self.take_load(wheel, operator.index(received), operator.index(stamp), load, traction)
 
     def count_joint_twice(self, wheel: int) -> None:
         """Count a joint that one JointState lists twice; the first is taken."""
+        check_wheel(wheel, self.count)
         self.schedule.counts[wheel * _OUTCOMES + _JOINT_TWICE] += 1
 
     # -- time -----------------------------------------------------------------------------------------------
@@ -220,7 +227,7 @@ class Wheels:
         speed, load, traction = self.schedule.speed, self.schedule.load, self.schedule.traction
         angle = 0.0 if math.isnan(self.schedule.angle) else self.schedule.angle
         with np.errstate(all="ignore"):  # a unit that is no tire may have no finite state, and has diverged then
-            state = turning.steady_state(self.unit, speed, load, traction, angle, self.model)
+            state = rotating_excitation.steady_state(self.unit, speed, load, traction, angle, self.model)
         self.motion.put(index, state, speed, angle)
         self.belt.start(index, speed, load, traction)
 
@@ -304,9 +311,9 @@ class Wheels:
         self.due[wheel] = 0
         return True
 
-    def tick(self, stamp: int) -> list[tuple[int, float, float]]:
+    def tick(self, stamp: SupportsIndex) -> list[tuple[int, float, float]]:
         """Advance every wheel to a time [ns]; index and axle force (x, z) [N] of each that is in motion."""
-        self.go_to(stamp)
+        self.go_to(operator.index(stamp))
         return [
             (w, self.force[2 * w], self.force[2 * w + 1]) for w in range(self.count) if self.schedule.running[w]
         ]
@@ -322,6 +329,7 @@ class Wheels:
 
     def noted_orders(self, wheel: int) -> NDArray[np.float64]:
         """Angles [rad] and forces [N] since the last call, shape (M, 2); what finds no more room is left out."""
+        check_wheel(wheel, self.count)
         first, count = 2 * wheel * _ORDERS, int(self.noted[wheel])
         self.noted[wheel] = 0
         return np.array(self.orders[first : first + 2 * count]).reshape(-1, 2)
@@ -330,6 +338,7 @@ class Wheels:
 
     def force_of(self, wheel: int) -> tuple[float, float]:
         """Axle force (x, z) at the last tick [N]."""
+        check_wheel(wheel, self.count)
         return self.force[2 * wheel], self.force[2 * wheel + 1]
 
     @property
@@ -348,11 +357,14 @@ class Wheels:
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot` of wheels with the same settings."""
-        time = snapshot["time"]
+        time, states, turns = snapshot["time"], snapshot["wheels"], snapshot["ring_turns"]
+        if not len(states) == len(turns) == self.count:
+            found = f"{len(states)} wheels and {len(turns)} turns"
+            raise ValueError(f"the snapshot has {found}; there are {self.count} wheels")
         self.has_time, self.now = time is not None, 0 if time is None else operator.index(time)
-        for w, turn in enumerate(snapshot["ring_turns"]):
+        for w, turn in enumerate(turns):
             self.has_turn[w], self.turn[w] = turn is not None, 0 if turn is None else operator.index(turn)
-        for w, state in zip(range(self.count), snapshot["wheels"], strict=True):
+        for w, state in enumerate(states):
             self.schedule.restore(w, state)
             self.motion.restore(w, state)
             self.belt.restore(w, state["belt"])

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .elementary import cos_sin
 
-if TYPE_CHECKING:
-    from .unit import TireWheelUnit
-
 __all__ = [
     "Coefficients",
     "Model",
+    "RingUnit",
     "coefficients",
     "constants",
     "contact_patch_factor",
@@ -32,6 +30,52 @@ Model = Literal["complete", "inextensional", "hybrid"]
 FloatArray = NDArray[np.float64]
 
 
+class RingUnit(Protocol):
+    """What is taken here of a :class:`.TireWheelUnit`, which itself asks for its stiffness on the road."""
+
+    @property
+    def radius(self) -> float: ...
+
+    @property
+    def width(self) -> float: ...
+
+    @property
+    def surface_density(self) -> float: ...
+
+    @property
+    def bending_stiffness(self) -> float: ...
+
+    @property
+    def membrane_stiffness(self) -> float: ...
+
+    @property
+    def inflation_pressure(self) -> float: ...
+
+    @property
+    def radial_stiffness(self) -> float: ...
+
+    @property
+    def tangential_stiffness(self) -> float: ...
+
+    @property
+    def sidewall_stiffness(self) -> float: ...
+
+    @property
+    def rigid_mode_frequency(self) -> float: ...
+
+    @property
+    def zeta_1(self) -> float: ...
+
+    @property
+    def zeta_n(self) -> float: ...
+
+    @property
+    def contact_half_angle(self) -> float: ...
+
+    @property
+    def vertical_stiffness(self) -> float: ...
+
+
 class Coefficients(NamedTuple):
     """A_n, B_n, C_n of (3.5) [1/s^2] and their combination B C - A^2 [1/s^4], which loses its digits if formed late."""
 
@@ -41,7 +85,7 @@ class Coefficients(NamedTuple):
     determinant: FloatArray
 
 
-def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float | FloatArray = 0.0) -> Coefficients:
+def coefficients(unit: RingUnit, n: ArrayLike, speed: float | FloatArray = 0.0) -> Coefficients:
     """Stiffness coefficients A_n, B_n, C_n of (3.5a-c).
 
     Parameters
@@ -60,7 +104,7 @@ def coefficients(unit: TireWheelUnit, n: ArrayLike, speed: float | FloatArray = 
     return Coefficients(*formula(constants(unit), np.asarray(n, dtype=np.float64), speed))
 
 
-def constants(unit: TireWheelUnit) -> tuple[float, float, float, float, float]:
+def constants(unit: RingUnit) -> tuple[float, float, float, float, float]:
     """What (3.5) takes of a unit: bending, membrane, pressure, k_z and k_theta, each over rho h [1/s^2]."""
     mass = unit.surface_density
     return (
@@ -103,7 +147,7 @@ def twist(number: Any, coupling: Any, tangential: Any) -> Any:
     return (tangential + number * coupling) / (coupling + number * tangential)
 
 
-def rest_frequency(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
+def rest_frequency(unit: RingUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
     """omega_n [rad/s], the frequency of mode n at rest with the wheel held, that the damping ratio refers to.
 
     Of the complete model's two frequencies, the lower.
@@ -119,14 +163,14 @@ def rest_frequency(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensio
     )
 
 
-def mode_damping(unit: TireWheelUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
+def mode_damping(unit: RingUnit, n: ArrayLike, model: Model = "inextensional") -> FloatArray:
     """d_n = lambda_n/(rho h) = 2 zeta_n omega_n [1/s]; zeta_1 for n = 1."""
     number = np.asarray(n)
     zeta = np.where(number == 1, unit.zeta_1, unit.zeta_n)
     return np.asarray(2.0 * zeta * rest_frequency(unit, number, model))
 
 
-def contact_patch_factor(unit: TireWheelUnit, n: ArrayLike) -> FloatArray:
+def contact_patch_factor(unit: RingUnit, n: ArrayLike) -> FloatArray:
     """s_n = sin(n phi_c)/(n sin phi_c): what harmonic n feels of a contact force that is spread over the patch.
 
     Parameters
@@ -153,7 +197,7 @@ def contact_patch_factor(unit: TireWheelUnit, n: ArrayLike) -> FloatArray:
     return np.where(numbers == 1.0, 1.0, factors)
 
 
-def static_compliance(unit: TireWheelUnit, n_max: int, model: Model = "inextensional") -> float:
+def static_compliance(unit: RingUnit, n_max: int, model: Model = "inextensional") -> float:
     """How far the contact gives way under 1 N, mean over the patch, at rest with the wheel held [m/N].
 
     Parameters
@@ -176,7 +220,7 @@ def static_compliance(unit: TireWheelUnit, n_max: int, model: Model = "inextensi
     return total
 
 
-def residual_stiffness(unit: TireWheelUnit, n_max: int = 30, model: Model = "inextensional") -> float:
+def residual_stiffness(unit: RingUnit, n_max: int = 30, model: Model = "inextensional") -> float:
     """Stiffness of the residual spring between belt and road, k_c [N/m].
 
     Parameters

@@ -11,9 +11,9 @@ c_c delta'. So with H(s) = contact (s - A)^-1 push,
     F = r / (1/(k_c + c_c s) - H(s)),      A_contact = A + push (k_c contact + c_c contact A),
 
 as contact push = 0: a force moves no place at once. A rigid tread, k_c infinite, holds u_c = -r: two states fewer.
-docs/model.md, section 11, derives it. z has the states of ``wheel.fixed_frame``, then [b', b] of a sprung mass, then,
-of each belt harmonic, the real parts of (V, Z) and their imaginary parts (``modes``); of n = 0, which has none, the
-real ones.
+docs/model.md, section 11, derives it. z has the states of ``wheel_matrices.fixed_frame``, then [b', b] of a sprung
+mass, then, of each belt harmonic, the real parts of (V, Z) and their imaginary parts (``modes``); of n = 0, which has
+none, the real ones.
 """
 
 from __future__ import annotations
@@ -25,14 +25,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import floquet, wheel
+from . import floquet
 from .coefficients import coefficients, contact_patch_factor, mode_damping, residual_stiffness, twist
 from .floquet import FloquetResult
 from .harmonics import Harmonic
 from .modes import CONTACT_ANGLE
-from .nonuniform import coordinates, coupling
+from .nonuniform_matrices import coordinates, coupling
 from .periodic import Trigonometric, transition
 from .unit import TireWheelUnit
+from .wheel_matrices import Model, fixed_frame
 
 __all__ = [
     "ContactSystem",
@@ -109,7 +110,7 @@ class ContactSystem(NamedTuple):
         return basis
 
 
-def belt_numbers(model: wheel.Model, n_max: int, windup: bool = False) -> FloatArray:
+def belt_numbers(model: Model, n_max: int, windup: bool = False) -> FloatArray:
     """The belt harmonics beside n = 1: 2 to n_max, and 0 of the complete model, or where the wind-up is asked for."""
     if isinstance(n_max, bool) or not isinstance(n_max, (int, np.integer)) or n_max < 1:
         raise ValueError(f"n_max is {n_max!r}; it must be an integer >= 1")
@@ -123,7 +124,7 @@ def _turned(numbers: FloatArray) -> ComplexArray:
 
 
 def belt_matrices(
-    unit: TireWheelUnit, numbers: FloatArray, speed: float, model: wheel.Model
+    unit: TireWheelUnit, numbers: FloatArray, speed: float, model: Model
 ) -> tuple[ComplexArray, ComplexArray]:
     """x' = M x + drive [f_r, f_t] of each harmonic's x = (V, Z), shapes (N, k, k) and (N, k, 2); ``modes`` has it."""
     mass = math.pi * unit.radius * unit.width * unit.surface_density * np.where(numbers == 0.0, 2.0, 1.0)
@@ -158,7 +159,7 @@ def belt_matrices(
 
 
 def open_system(
-    unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 30, *, windup: bool = False
+    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30, *, windup: bool = False
 ) -> ContactSystem:
     """The system of the module's notes; of a unit that is not uniform, its mean's.
 
@@ -185,7 +186,7 @@ def open_system(
     if not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
     numbers = belt_numbers(model, n_max, windup)
-    frame = wheel.fixed_frame(unit, model)
+    frame = fixed_frame(unit, model)
     one, half = len(frame.constant), len(frame.constant) // 2
     M, drive = belt_matrices(unit, numbers, speed, model)
     k = M.shape[1] if numbers.size else 0
@@ -269,7 +270,7 @@ def is_varying(unit: TireWheelUnit) -> bool:
 
 
 def stability(
-    unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 30, *, turn: bool = True
+    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30, *, turn: bool = True
 ) -> FloquetResult:
     """Floquet stability on the road, without lift-off, at a constant speed.
 
@@ -309,7 +310,7 @@ def stability(
 
 
 def periodic_system(
-    unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 30, *, contact: bool = True
+    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30, *, contact: bool = True
 ) -> tuple[Trigonometric, ContactSystem]:
     """A(phi) of a tire whose sidewall varies, seen from the fixed frame.
 
@@ -349,7 +350,7 @@ def _as_it_is(matrix: FloatArray) -> FloatArray:
 
 
 def _sidewall(
-    unit: TireWheelUnit, system: ContactSystem, speed: float, model: wheel.Model, n_max: int
+    unit: TireWheelUnit, system: ContactSystem, speed: float, model: Model, n_max: int
 ) -> dict[int, tuple[FloatArray, FloatArray]]:
     """What the sidewall's harmonics j add to A, over cos j phi and sin j phi."""
     labels = coordinates(model, max(n_max, 2))
@@ -393,7 +394,7 @@ def _coupled(
     radial: tuple[Harmonic, ...],
     tangential: tuple[Harmonic, ...],
     speed: float,
-    model: wheel.Model,
+    model: Model,
     n_max: int,
     count: int,
 ) -> tuple[FloatArray, FloatArray]:
@@ -401,14 +402,14 @@ def _coupled(
     return stiffness[:count, :count], masses[:count]
 
 
-def _places(unit: TireWheelUnit, model: wheel.Model, n_max: int) -> dict[object, tuple[int, int]]:
+def _places(unit: TireWheelUnit, model: Model, n_max: int) -> dict[object, tuple[int, int]]:
     """Where velocity and displacement of each coordinate stand among the states, wind-up included."""
-    frame = wheel.fixed_frame(unit.mean, model)
+    frame = fixed_frame(unit.mean, model)
     half = len(frame.constant) // 2
     kinds = ("alpha", "beta") if model == "inextensional" else ("alpha", "beta", "xi", "eta")
     places: dict[object, tuple[int, int]] = {(1, kind): (k, half + k) for k, kind in enumerate(kinds)}
     places["y"] = len(kinds), half + len(kinds)
-    if not unit.is_held:
+    if not unit.is_longitudinally_rigid:
         places["x"] = len(kinds) + 1, half + len(kinds) + 1
     first = 2 * half + 2 * bool(unit.sprung_mass)
     k = 1 if model == "inextensional" else 2  # complex amplitudes of a harmonic
@@ -425,7 +426,7 @@ def _places(unit: TireWheelUnit, model: wheel.Model, n_max: int) -> dict[object,
 
 
 @lru_cache(maxsize=256)
-def critical_speed(unit: TireWheelUnit, model: wheel.Model = "inextensional", n_max: int = 30) -> float | None:
+def critical_speed(unit: TireWheelUnit, model: Model = "inextensional", n_max: int = 30) -> float | None:
     """The lowest speed at which the mean tire on the road loses stability [rad/s], or None up to 12 000 rad/s.
 
     Parameters
@@ -461,7 +462,7 @@ def critical_speed(unit: TireWheelUnit, model: wheel.Model = "inextensional", n_
     return None
 
 
-def whirls(unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 30) -> ComplexArray:
+def whirls(unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30) -> ComplexArray:
     """Exponents of the mean tire on the road, those with a positive frequency, by their frequencies.
 
     Parameters
@@ -490,7 +491,7 @@ def frequency_response(
     unit: TireWheelUnit,
     speed: ArrayLike,
     frequencies: ArrayLike,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     n_max: int = 30,
 ) -> ComplexArray:
     """Axle forces and contact force per metre of road and per traction, as complex amplitudes, exact.
@@ -532,7 +533,7 @@ def frequency_response(
     return found.reshape(*spins.shape, *cycles.shape, 3, 2)
 
 
-def _response(unit: TireWheelUnit, speed: float, s: ComplexArray, model: wheel.Model, n_max: int) -> ComplexArray:
+def _response(unit: TireWheelUnit, speed: float, s: ComplexArray, model: Model, n_max: int) -> ComplexArray:
     system = open_system(unit, speed, model, 1)  # n = 1; the harmonics follow
     stiffness = residual_stiffness(unit, n_max, model)
     forces = np.stack([system.push, system.traction], axis=1).astype(np.complex128)
@@ -589,7 +590,7 @@ class ForceVariation(NamedTuple):
 
 
 def fixed_height_force(
-    unit: TireWheelUnit, load: float, angles: ArrayLike, model: wheel.Model = "complete", n_max: int = 30
+    unit: TireWheelUnit, load: float, angles: ArrayLike, model: Model = "complete", n_max: int = 30
 ) -> FloatArray:
     """The force of a tire that turns slowly, its wheel held at the height where the mean force is the load.
 
@@ -615,7 +616,7 @@ def fixed_height_force(
     parts, system = periodic_system(unit, 0.0, model, n_max, contact=False)
     places = _places(unit, model, int(n_max))
     wheel_places = [places[name] for name in ("y", "x") if name in places]
-    body = [] if not unit.sprung_mass else [len(wheel.fixed_frame(unit.mean, model).constant) + k for k in (0, 1)]
+    body = [] if not unit.sprung_mass else [len(fixed_frame(unit.mean, model).constant) + k for k in (0, 1)]
     gone = {*body, *(k for pair in wheel_places for k in pair)}
     pairs = sorted(pair for name, pair in places.items() if name not in ("y", "x") and not gone & set(pair))
     v, q = (np.array(each) for each in zip(*pairs, strict=True))
@@ -642,7 +643,7 @@ def force_variation(
     unit: TireWheelUnit,
     speed: float,
     load: float,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     n_max: int = 30,
     *,
     mount: str = "car",
@@ -684,7 +685,7 @@ def force_variation(
     if mount == "machine":
         stuck = {k for name in ("y", "x") if name in places for k in places[name]}
         if unit.sprung_mass:
-            stuck |= set(range(first := len(wheel.fixed_frame(unit.mean, model).constant), first + 2))
+            stuck |= set(range(first := len(fixed_frame(unit.mean, model).constant), first + 2))
         kept = np.array([k for k in kept if k not in stuck])
         output = unit.wheel_mass * system.matrix[places["y"][0]]  # all that pulls at a wheel that does not move
     parts = _sidewall(unit, system, speed, model, int(n_max))

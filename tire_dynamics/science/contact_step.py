@@ -301,7 +301,7 @@ class ContactStepper:
                 inputs[place, 6 + k] = frame.input[1, 0]
                 up, along = _NET[label[1]]
                 inputs[y - half, 6 + k] = up / unit.wheel_mass
-                if not unit.is_held:
+                if not unit.is_longitudinally_rigid:
                     inputs[y - half + 1, 6 + k] = along / unit.fore_aft_mass
         constant[total - half :, half:n] = np.eye(half)
         scale[-half:] = stiffest**-2
@@ -505,7 +505,7 @@ class ContactStepper:
         half = self._half
         q = one + self.spin.rest_one[half : 2 * half]
         kinds = ("alpha", "beta") if self.model == "inextensional" else ("alpha", "beta", "xi", "eta")
-        y, x = q[len(kinds)], 0.0 if self.unit.is_held else q[len(kinds) + 1]
+        y, x = q[len(kinds)], 0.0 if self.unit.is_longitudinally_rigid else q[len(kinds) + 1]
         numbers = self.points.numbers.tolist()
         net = np.empty(len(self._labels))
         for k, (number, kind) in enumerate(self._labels):
@@ -692,7 +692,7 @@ class ContactStepper:
         angles = np.asarray(psi, dtype=np.float64)
         half = self._half
         q = self.state[half : 2 * half] + self.spin.rest_one[half : 2 * half]
-        x = 0.0 if self.unit.is_held else float(q[-1])
+        x = 0.0 if self.unit.is_longitudinally_rigid else float(q[-1])
         state = (self.spin.right @ (self.own + self.spin.rest)[..., None])[..., 0]
         radial, _ = self._modes.amplitudes(state)
         waves = np.exp(1j * np.multiply.outer(angles, self.points.numbers))

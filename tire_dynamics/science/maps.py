@@ -17,9 +17,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import contact as road
-from . import nonuniform, wheel
 from .floquet import VERDICTS, constant_verdicts
+from .nonuniform_matrices import is_irreducibly_periodic
+from .response import transmissibility
 from .unit import NUMBERS, ROAD, TireWheelUnit
+from .wheel_matrices import Model, fixed_frame, stacked_frames
+from .wheel_stability import crossings
 
 __all__ = ["AXES", "ROAD_AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
 
@@ -91,7 +94,7 @@ def stability_map(
     y: Axis,
     *,
     speed: float | None = None,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     contact: bool = False,
     n_max: int = 30,
     over: Over = map,
@@ -131,8 +134,8 @@ def stability_map(
     >>> [[VERDICTS[code] for code in row] for row in grid.verdict]  # doctest: +NORMALIZE_WHITESPACE
     [['asymptotically stable', 'asymptotically stable'], ['asymptotically stable', 'unstable']]
     """
-    wheel.fixed_frame(unit, model)  # says what is wrong with the model
-    if nonuniform.is_genuine(unit, model) or contact and road.is_varying(unit):
+    fixed_frame(unit, model)  # says what is wrong with the model
+    if is_irreducibly_periodic(unit, model) or contact and road.is_varying(unit):
         raise ValueError("the unit's sidewall is not uniform; it can be mapped over nonuniformity and the speed")
     grid = _grid(unit, x, y, speed, model, int(n_max) if contact else 0)
     nx, ny = grid.x.size, grid.y.size
@@ -148,10 +151,10 @@ def stability_map(
 
 
 def transmissibility_map(unit: TireWheelUnit, x: Axis, y: Axis, *, speed: float | None = None) -> TransmissibilityMap:
-    """:func:`.wheel.transmissibility` over two fields, or over one and the speed; arguments as of `stability_map`."""
+    """:func:`.response.transmissibility` over two fields, or one and the speed; arguments as of `stability_map`."""
     grid = _grid(unit, x, y, speed, "inextensional")
     units = _Units(unit, **_fields(grid, grid.x, grid.y[:, None]))
-    K = np.broadcast_to(wheel.transmissibility(units, _speeds(grid)), (grid.y.size, grid.x.size))
+    K = np.broadcast_to(transmissibility(units, _speeds(grid)), (grid.y.size, grid.x.size))
     return TransmissibilityMap(grid.x_name, grid.y_name, grid.x, grid.y, K.copy())
 
 
@@ -163,7 +166,7 @@ class _Grid:
     x: FloatArray
     y: FloatArray
     speed: float | None
-    model: wheel.Model
+    model: Model
     n_max: int = 0  # of a tire on the road; 0: under a given load
 
 
@@ -178,11 +181,11 @@ class _Units(TireWheelUnit):
         return np.sqrt(number)
 
     @property
-    def is_held(self) -> bool:
+    def is_longitudinally_rigid(self) -> bool:
         return not np.any(self.longitudinal_stiffness)  # all or none: the corners are looked at
 
 
-def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: wheel.Model, n_max: int = 0) -> _Grid:
+def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Model, n_max: int = 0) -> _Grid:
     (x_name, x_values), (y_name, y_values) = (
         (name, _increasing(name, values, ROAD_AXES if n_max else AXES)) for name, values in (x, y)
     )
@@ -198,7 +201,7 @@ def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: whe
     grid = _Grid(unit, x_name, y_name, x_values, y_values, speed, model, n_max)
     corners = ((i, j) for i in (0, -1) for j in (0, -1))  # bounds are intervals: what holds here holds between
     units = [unit.replace(**_fields(grid, float(x_values[i]), float(y_values[j]))) for i, j in corners]
-    if len({each.is_held for each in units}) > 1:
+    if len({each.is_longitudinally_rigid for each in units}) > 1:
         raise ValueError("longitudinal_stiffness is 0.0, which holds the wheel, beside others; it must be > 0")
     return grid
 
@@ -242,7 +245,7 @@ def _judge(grid: _Grid, x: FloatArray, y: FloatArray) -> tuple[FloatArray, NDArr
     if grid.n_max:
         return _judge_on_the_road(grid, x, y)
     speed = y if grid.y_name == "speed" else x if grid.x_name == "speed" else np.array(grid.speed)
-    system = wheel.stacked_frames(_Units(grid.unit, **_fields(grid, x, y)), x.shape, grid.model)
+    system = stacked_frames(_Units(grid.unit, **_fields(grid, x, y)), x.shape, grid.model)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is not accepted
         F = system.constant + speed[..., None, None] * system.spin
     half = F.shape[1] // 2
@@ -323,7 +326,7 @@ def _along_speed(grid: _Grid, start: int) -> tuple[FloatArray, NDArray[np.intp]]
     points, rows = [], []
     for row in range(start, min(start + LINES, grid.y.size)):
         value = float(grid.y[row])
-        speeds = [speed for speed, _ in wheel.crossings(grid.unit.replace(**_fields(grid, None, value)), grid.model)]
+        speeds = [speed for speed, _ in crossings(grid.unit.replace(**_fields(grid, None, value)), grid.model)]
         speeds = sorted([-speed for speed in speeds] + speeds)  # they are the same backward
         points += [(speed, value) for speed in speeds]
         rows += [row] * len(speeds)

@@ -1,9 +1,9 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
 """Steps of the modes beside n = 1 over which the speed changes: Taylor series of their states.
 
-With the speed linear over a step of length h, Omega = Omega_0 + D tau, tau = t/h, the coefficients A, B, C and B C - A^2
-of (3.5) are polynomials in tau, so that the equations of :mod:`.modes` give one Taylor coefficient of the state after
-the other. Those of the inextensional modes are multiplied by A + n C before, by which they are divided.
+With the speed linear over a step of length h, Omega = Omega_0 + D tau, tau = t/h, A, B, C and B C - A^2 of (3.5) are
+polynomials in tau, so that the equations of :mod:`.modes` give one Taylor coefficient of the state after the other.
+Those of the inextensional modes are multiplied by A + n C before, by which they are divided.
 """
 
 from __future__ import annotations

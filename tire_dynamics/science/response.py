@@ -1,4 +1,4 @@
-"""The axle forces under a load and a traction that vary as a sine: the frequency response of n = 1 and the wheel."""
+"""The axle forces under a load that is constant, and under a load and a traction that vary as a sine."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import contact as road
-from . import wheel
-from .unit import TireWheelUnit
+from .unit import MODAL, TireWheelUnit
+from .wheel_matrices import FixedFrame, Model, fixed_frame, fixed_frame_matrix
 
-__all__ = ["frequency_response", "whirl_frequencies"]
+__all__ = ["frequency_response", "transmissibility", "whirl_frequencies"]
 
 ComplexArray = NDArray[np.complex128]
 FloatArray = NDArray[np.float64]
@@ -25,7 +25,7 @@ def frequency_response(
     unit: TireWheelUnit,
     speed: ArrayLike,
     frequencies: ArrayLike,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     *,
     input: Literal["load", "road"] = "load",
     n_max: int = 30,
@@ -50,9 +50,9 @@ def frequency_response(
     -------
     ndarray of complex, shape (*speed.shape, *frequencies.shape, 2, 2), on the road (..., 3, 2)
         H[..., output, input] [-]: outputs are the axle forces (force.x, forward, and F', up, on the suspension), as in
-        :func:`.wheel.axle_force`, inputs the vertical load (up) and the traction (forward) on the tire. A load
+        :func:`.wheel_state.axle_force`, inputs the vertical load (up) and the traction (forward) on the tire. A load
         F cos(2 pi f t) gives F abs(H[..., 1, 0]) cos(2 pi f t + angle(H[..., 1, 0])) at the suspension. H of load to F'
-        at 0 Hz is :func:`.wheel.transmissibility`. On the road the first input is its height, up [N/m], and the third
+        at 0 Hz is :func:`transmissibility`. On the road the first input is its height, up [N/m], and the third
         output the contact force.
 
     Raises
@@ -63,9 +63,10 @@ def frequency_response(
 
     Notes
     -----
-    H = (C_0 + Omega C_1) (2 pi i f - F_0 - Omega F_1)^-1 B of :class:`.wheel.FixedFrame`, solved for the displacements
-    alone. Where the unit is unstable this is still what the equations have at that frequency, but nothing settles to
-    it: :func:`.wheel.stability` says so. A varying speed mixes frequencies and has no such response.
+    H = (C_0 + Omega C_1) (2 pi i f - F_0 - Omega F_1)^-1 B of :class:`.wheel_matrices.FixedFrame`, solved for the
+    displacements alone. Where the unit is unstable this is still what the equations have at that frequency, but
+    nothing settles to it: :func:`.wheel.stability` says so. A varying speed mixes frequencies and has no such
+    response.
 
     Examples
     --------
@@ -73,14 +74,14 @@ def frequency_response(
     >>> H = frequency_response(unit, 209.4, [0.0, 78.5])
     >>> H.shape
     (2, 2, 2)
-    >>> bool(np.isclose(H[0, 1, 0], wheel.transmissibility(unit, 209.4)))
+    >>> bool(np.isclose(H[0, 1, 0], transmissibility(unit, 209.4)))
     True
     """
     if input not in ("load", "road"):
         raise ValueError(f"input is {input!r}; it must be 'load' or 'road'")
     if input == "road":
         return road.frequency_response(unit, speed, frequencies, model, n_max)
-    system = wheel.fixed_frame(unit, model)
+    system = fixed_frame(unit, model)
     spins, cycles = _finite("speed", speed), _finite("frequencies", frequencies)
     grid = np.broadcast_arrays(spins.reshape(-1, 1), cycles.reshape(1, -1))
     Omega, f = (np.ascontiguousarray(values).reshape(-1) for values in grid)
@@ -91,10 +92,40 @@ def frequency_response(
     return response.reshape(*spins.shape, *cycles.shape, 2, 2)
 
 
+def transmissibility(unit: TireWheelUnit, speed: ArrayLike) -> float | FloatArray:
+    """Steady force on the suspension over a constant load, K = F'/F, of the inextensional model.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : array_like
+        Spin Omega [rad/s].
+
+    Returns
+    -------
+    float, or ndarray of the shape of speed
+        1/(1 + (2 zeta_1 Omega/omega_1)^2 (k_1 + k_s)/k_s (k_1 + k_x)/k_x) for modal damping, without the last factor
+        where the wheel is held; 1 for damping with a reaction, whose dashpots cannot carry a constant force to anywhere
+        but the wheel.
+    """
+    omega = np.asarray(speed, dtype=np.float64)
+    if not np.isfinite(omega).all():
+        raise ValueError(f"speed is {speed!r}; it must be finite")
+    if unit.sidewall_damping == MODAL:
+        ratio = 2.0 * unit.zeta_1 * omega / unit.rigid_mode_frequency
+        series = unit.sidewall_stiffness / unit.suspension_stiffness + 1.0
+        if not unit.is_longitudinally_rigid:
+            series = series * (unit.sidewall_stiffness / unit.longitudinal_stiffness + 1.0)
+        K = 1.0 / (1.0 + ratio * ratio * series)
+    else:
+        K = np.ones_like(omega)
+    return float(K) if K.ndim == 0 else K
+
+
 def whirl_frequencies(
     unit: TireWheelUnit,
     speed: float,
-    model: wheel.Model = "inextensional",
+    model: Model = "inextensional",
     *,
     contact: bool = False,
     n_max: int = 30,
@@ -119,7 +150,7 @@ def whirl_frequencies(
     """
     if contact:
         return np.asarray(road.whirls(unit, speed, model, n_max).imag / (2.0 * math.pi))
-    exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, speed, model))
+    exponents = np.linalg.eigvals(fixed_frame_matrix(unit, speed, model))
     return np.sort(exponents.imag[exponents.imag > 0.0]) / (2.0 * math.pi)
 
 
@@ -130,7 +161,7 @@ def _finite(name: str, values: ArrayLike) -> FloatArray:
     return array
 
 
-def _solve(system: wheel.FixedFrame, Omega: FloatArray, f: FloatArray) -> ComplexArray:
+def _solve(system: FixedFrame, Omega: FloatArray, f: FloatArray) -> ComplexArray:
     """H at N points (Omega [rad/s], f [Hz]), shape (N, 2, 2).
 
     The lower half of F says that displacements q have their velocities: (s^2 - s F_vv - F_vq) q = B_v u, s = 2 pi i f.

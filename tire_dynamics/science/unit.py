@@ -8,14 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from os import PathLike
 from typing import Any, Final, Literal
 
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
-from .yaml_file import read_yaml, yaml_value
 
-__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "TURNING", "TireWheelUnit"]
+__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "ROTATING", "TireWheelUnit"]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
@@ -23,7 +21,7 @@ REACTION: Final = "reaction"
 HARMONICS: Final = ("radial_nonuniformity", "tangential_nonuniformity", "radial_runout")
 """The fields that are lists of (harmonic, amplitude, angle)."""
 
-TURNING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
+ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
 """The fields of what is not the same all around, and turns with the tire."""
 
 
@@ -84,8 +82,8 @@ class TireWheelUnit:
     radial_runout : sequence of (int, float, float)
         How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m].
     contact_stiffness : float
-        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest, :func:`.turning.contact_stiffness`.
-
+        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest,
+        :func:`.rotating_excitation.contact_stiffness`.
     vertical_stiffness : float
         Of the whole tire on the road, wheel held, at rest, K_v >= 0 [N/m]: load over displacement. What the belt and
         its sidewall do not give of it, the residual spring of the tread does. It must be below their own stiffness, to
@@ -189,7 +187,7 @@ class TireWheelUnit:
                 self.sidewall_stiffness / self.wheel_mass,
                 self.suspension_stiffness / self.wheel_mass,
                 self.sidewall_stiffness / self.fore_aft_mass,
-                1.0 if self.is_held else self.longitudinal_stiffness / self.fore_aft_mass,
+                1.0 if self.is_longitudinally_rigid else self.longitudinal_stiffness / self.fore_aft_mass,
             )
         except (ZeroDivisionError, OverflowError):
             return (math.inf,)
@@ -222,7 +220,7 @@ class TireWheelUnit:
         return 2.0 * self.zeta_s * self._sqrt(self.suspension_stiffness * (self.wheel_mass + self.ring_mass))
 
     @property
-    def is_held(self) -> bool:
+    def is_longitudinally_rigid(self) -> bool:
         """Whether the wheel cannot move fore and aft."""
         return self.longitudinal_stiffness == 0.0
 
@@ -288,49 +286,15 @@ class TireWheelUnit:
                 raise ValueError(f"{field.name} is missing; it has no default")
         return cls(**mapping)
 
-    @classmethod
-    def from_yaml(cls, path: str | PathLike[str]) -> TireWheelUnit:
-        """A unit from a YAML file of field names and values, such as ``config/table_1.yaml``.
-
-        Parameters
-        ----------
-        path : path
-
-        Raises
-        ------
-        OSError
-            The file cannot be read.
-        ValueError
-            It is not such a mapping, or a field is unknown, missing or out of bounds.
-        """
-        return cls.from_mapping(read_yaml(path))
-
-    @classmethod
-    def from_tir(
-        cls, path: str | PathLike[str], *, wheel_mass: float, suspension_stiffness: float, **fields: Any
-    ) -> TireWheelUnit:
-        """A unit with the rigid ring of an MF-Tyre/MF-Swift property file.
-
-        Parameters and errors are those of :func:`.tir_file.unit_from_tir`, which also says what is assumed.
-        """
-        from .tir_file import unit_from_tir  # which builds on this module
-
-        whole = unit_from_tir(path, wheel_mass=wheel_mass, suspension_stiffness=suspension_stiffness, **fields)
-        return cls.from_mapping(whole.unit.to_mapping())
-
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values; harmonics as lists of lists."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
         return values | {name: [list(each) for each in values[name]] for name in HARMONICS}
 
-    def to_yaml(self, path: str | PathLike[str]) -> None:
-        """Write the fields so that :meth:`from_yaml` gives an equal unit."""
-        with open(path, "w", encoding="utf-8") as file:
-            for name, value in self.to_mapping().items():
-                file.write(f"{name}: {yaml_value(value)}\n")
-
 
 NUMBERS: Final = tuple(
-    field.name for field in dataclasses.fields(TireWheelUnit) if field.name not in (*TURNING, *ROAD, "sidewall_damping")
+    field.name
+    for field in dataclasses.fields(TireWheelUnit)
+    if field.name not in (*ROTATING, *ROAD, "sidewall_damping")
 )
 """The fields of numbers that the uniform tire has, on the road or not."""

@@ -1,0 +1,1 @@
+"""The bytes of ROS messages (CDR), encoded and decoded without ROS."""

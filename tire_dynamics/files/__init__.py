@@ -1,0 +1,1 @@
+"""Files read strictly and written aside, progress, and the errors that name a file."""

@@ -1,0 +1,333 @@
+"""The parameters of the node: the one table that the node, the replay and the documentation read."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from os import PathLike
+from typing import Any, Literal
+
+from ..estimator.vehicle import VehicleSettings
+from ..files.errors import InputError
+from ..files.yaml_file import read_yaml
+from ..science.unit import HARMONICS, ROAD, TireWheelUnit
+
+__all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
+
+NODE_NAME = "tire_dynamics"
+_MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
+
+Kind = Literal["boolean", "double", "double[]", "integer", "string", "string[]"]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One row of the table. ``low`` and ``high`` are inclusive; 0 is not allowed where ``positive``."""
+
+    name: str
+    kind: Kind
+    default: Any
+    description: str
+    low: float | None = None
+    high: float | None = None
+    positive: bool = False
+    choices: tuple[str, ...] = ()
+    read_only: bool = True
+
+    def check(self, value: Any) -> Any:
+        """The value in its Python type; ``ValueError`` names the parameter, the value and the bound."""
+        if self.kind == "string[]":
+            if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+                raise ValueError(f"{self.name} is {value!r}; it must be a list of names")
+            return tuple(value)
+        if self.kind == "double[]":
+            if not isinstance(value, (list, tuple)) or not all(type(item) is float for item in value):
+                raise ValueError(f"{self.name} is {value!r}; it must be a list of floating-point numbers")
+            if not all(map(math.isfinite, value)):
+                raise ValueError(f"{self.name} is {list(value)!r}; each must be finite")
+            return tuple(value)
+        if self.kind == "boolean":
+            if not isinstance(value, bool):
+                raise ValueError(f"{self.name} is {value!r}; it must be true or false")
+            return value
+        if self.kind == "string":
+            if not isinstance(value, str):
+                raise ValueError(f"{self.name} is {value!r}; it must be a text")
+            if self.choices and value not in self.choices:
+                raise ValueError(f"{self.name} is {value!r}; it must be {' or '.join(map(repr, self.choices))}")
+            return value
+        if self.kind == "integer":
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise ValueError(f"{self.name} is {value!r}; it must be an integer")
+        elif not isinstance(value, float):
+            hint = f": write {float(value)}" if type(value) is int else ""
+            raise ValueError(f"{self.name} is {value!r}; it must be a floating-point number{hint}")
+        if not math.isfinite(value):
+            raise ValueError(f"{self.name} is {value!r}; it must be finite")
+        if self.positive and value <= 0.0:
+            raise ValueError(f"{self.name} is {value!r}; it must be > 0")
+        if self.low is not None and value < self.low:
+            raise ValueError(f"{self.name} is {value!r}; it must be at least {self.low:g}")
+        if self.high is not None and value > self.high:
+            raise ValueError(f"{self.name} is {value!r}; it must be at most {self.high:g}")
+        return value
+
+
+_TIRE_UNITS = {
+    "density": "density of the belt, rho [kg/m^3]",
+    "bending_stiffness": "bending stiffness of the belt, D [N m]",
+    "membrane_stiffness": "membrane stiffness of the belt, K [N/m]",
+    "radius": "mean radius of the belt, a [m]",
+    "width": "width of the belt, b [m]",
+    "thickness": "thickness of the belt, h [m]; less than the radius",
+    "radial_stiffness": "radial stiffness of the sidewall per belt area, k_z [N/m^3]",
+    "tangential_stiffness": "tangential stiffness of the sidewall per belt area, k_theta [N/m^3]",
+    "inflation_pressure": "inflation pressure, p_0 [Pa]",
+    "wheel_mass": "mass that moves with the wheel, without the belt, M [kg]",
+    "suspension_stiffness": "vertical stiffness of the suspension, k_s [N/m]",
+    "zeta_1": "damping ratio of the n = 1 mode, in [0, 1)",
+    "zeta_s": "damping ratio of the suspension, in [0, 1)",
+    "zeta_n": "damping ratio of every other mode of the belt, in [0, 1)",
+    "contact_half_angle": "half the angle of the contact patch, phi_c [rad]; 0 is a point load",
+    "longitudinal_stiffness": "fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0 holds the wheel",
+    "longitudinal_damping_ratio": "its damping ratio, zeta_x, in [0, 1)",
+    "longitudinal_mass": "mass that moves fore and aft with the wheel, without the belt [kg]; 0: wheel_mass",
+    "radial_nonuniformity": "how k_z varies around the tire: harmonic, amplitude [-] and angle [rad] of each harmonic",
+    "tangential_nonuniformity": "likewise k_theta",
+    "imbalance_mass": "a mass on the belt that is too much [kg]",
+    "imbalance_angle": "where on the tire it is [rad]",
+    "radial_runout": "how much farther out the tread is: harmonic, amplitude [m] and angle [rad] of each harmonic",
+    "vertical_stiffness": "of the whole tire on the road, wheel held, K_v [N/m]; 0: a rigid tread",
+    "residual_damping": "damper beside the tread's residual spring, c_c [N s/m]",
+    "sprung_mass": "what stands on this wheel's suspension on the road [kg]; 0: the body is held",
+    "contact_stiffness": "by which run-out changes the load [N/m]; 0: the tire's own at rest",
+    "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
+}
+
+
+def _tire_parameters() -> tuple[Parameter, ...]:
+    rows = []
+    for name, default in TireWheelUnit.table_1().to_mapping().items():
+        row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
+        if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
+            row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
+        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", *ROAD):
+            row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
+        elif name == "imbalance_angle":
+            row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
+        elif name in HARMONICS:
+            row = dataclasses.replace(row, kind="double[]", default=(), positive=False)
+        elif name == "contact_half_angle":
+            row = dataclasses.replace(row, positive=False, low=0.0, high=0.5 * math.pi)
+        elif name == "sidewall_damping":
+            row = dataclasses.replace(row, kind="string", positive=False, choices=("modal", "reaction"))
+        rows.append(row)
+    return tuple(rows)
+
+
+_SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
+
+PARAMETERS: tuple[Parameter, ...] = (
+    Parameter("wheels", "string[]", ("wheel",), "names of the wheels; each is the first part of its topics"),
+    Parameter("joint_names", "string[]", (), "joint of each wheel in joint_states; default: the wheel's name"),
+    Parameter("frame_ids", "string[]", (), "frame of each wheel's outputs; default: <wheel>_axle"),
+    Parameter("rate_hz", "double", 500.0, "steps of the model and axle_wrench messages per second [Hz]", 1.0, 10e3),
+    Parameter("ring_rate_hz", "double", 50.0, "ring messages per second [Hz]; at most rate_hz", 0.1, 10e3),
+    Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
+    Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
+    Parameter("model", "string", "inextensional", "of the belt", choices=("inextensional", "complete")),
+    Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
+    Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
+    Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
+    Parameter("ring_shape_scale", "double", 1.0, _SCALE, 0.0, 1e6, read_only=False),
+    Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
+    Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
+    Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
+    Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
+    *_tire_parameters(),
+    Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
+    Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
+    Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
+    Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
+    Parameter("log.compression", "string", "zstd", "of the log's chunks", choices=("zstd", "lz4", "none")),
+)
+
+_MOST_OF_A_BELT = 1_000_000  # samples times modes: what is summed for one shape
+
+_BY_NAME = {parameter.name: parameter for parameter in PARAMETERS}
+
+
+def complete(values: Mapping[str, Any]) -> dict[str, Any]:
+    """All parameters, the given ones checked one by one and against each other, the rest at their defaults.
+
+    Parameters
+    ----------
+    values : mapping
+        Values by the names of ``PARAMETERS``.
+
+    Returns
+    -------
+    dict
+        A value for every name.
+
+    Raises
+    ------
+    ValueError
+        A name is unknown, or a value out of its bounds or in contradiction to another; the message says which.
+    """
+    for name in values:
+        if name not in _BY_NAME:
+            raise ValueError(f"{name!r} is not a parameter of {NODE_NAME}{_suggestion(name)}")
+    whole = {name: row.check(values.get(name, row.default)) for name, row in _BY_NAME.items()}
+    wheels = whole["wheels"]
+    whole["joint_names"] = whole["joint_names"] or wheels
+    whole["frame_ids"] = whole["frame_ids"] or tuple(f"{wheel}_axle" for wheel in wheels)
+    if not wheels:
+        raise ValueError("wheels is []; it must name at least one wheel")
+    if len(wheels) > _MAX_WHEELS:
+        raise ValueError(f"wheels has {len(wheels)} names; it must have at most {_MAX_WHEELS}")
+    for wheel in wheels:
+        if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,99}", wheel) or "__" in wheel or wheel.endswith("_"):
+            raise ValueError(
+                f"wheels has {wheel[:120]!r}; a wheel's name must be letters, digits and single _ between them, a"
+                " letter first, 100 at most"
+            )
+    for name in ("wheels", "joint_names"):
+        if len(set(whole[name])) != len(whole[name]):
+            raise ValueError(f"{name} is {list(whole[name])}; no name may stand twice")
+    for name in ("joint_names", "frame_ids"):
+        if len(whole[name]) != len(wheels):
+            raise ValueError(f"{name} has {len(whole[name])} entries; wheels has {len(wheels)}")
+        if not all(whole[name]):
+            raise ValueError(f"{name} is {list(whole[name])}; no name may be empty")
+    whole["tf.positions"] = whole["tf.positions"] or (0.0,) * (3 * len(wheels))
+    if len(whole["tf.positions"]) != 3 * len(wheels):
+        raise ValueError(
+            f"tf.positions is {list(whole['tf.positions'])}; it must have x y z for each of {len(wheels)} wheels"
+        )
+    if (parent := whole["tf.parent_frame"]) in whole["frame_ids"]:
+        raise ValueError(f"tf.parent_frame is {parent!r}; it must not be one of frame_ids")
+    if whole["ring_samples"] * whole["n_max"] > _MOST_OF_A_BELT:
+        raise ValueError(
+            f"ring_samples is {whole['ring_samples']} and n_max {whole['n_max']}; their product must be at most"
+            f" {_MOST_OF_A_BELT}"
+        )
+    if whole["ring_rate_hz"] > whole["rate_hz"]:
+        raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
+    unit = unit_of(whole)
+    for name in HARMONICS:  # without those of no amplitude
+        whole[f"tire.{name}"] = tuple(float(number) for each in getattr(unit, name) for number in each)
+    return whole
+
+
+def _suggestion(name: str) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(name, _BY_NAME, n=1)
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def unit_of(values: Mapping[str, Any]) -> TireWheelUnit:
+    """The unit that the ``tire.*`` parameters describe; ``ValueError`` names the parameter that is wrong."""
+    fields = {name.removeprefix("tire."): value for name, value in values.items() if name.startswith("tire.")}
+    try:
+        return TireWheelUnit.from_mapping(fields)
+    except ValueError as error:
+        named = str(error).split(" ")[0] in fields
+        raise ValueError(f"tire.{error}" if named else f"tire.*: {error}") from None
+
+
+def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
+    """What the estimator needs of a complete set of parameters."""
+    return VehicleSettings(
+        unit=unit_of(values),
+        wheels=tuple(values["wheels"]),
+        joint_names=tuple(values["joint_names"]),
+        period=round(1e9 / values["rate_hz"]),
+        ring_period=round(1e9 / values["ring_rate_hz"]),
+        ring_samples=values["ring_samples"],
+        n_max=values["n_max"],
+        model=values["model"],
+        input_timeout=round(1e9 * values["input_timeout_s"]),
+        max_speed=values["max_speed_rad_s"],
+        max_load=values["max_load_n"],
+    )
+
+
+def read_config(path: str | PathLike[str]) -> dict[str, Any]:
+    """Parameters from a YAML file: a ROS 2 parameter file, or the fields of one unit.
+
+    Parameters
+    ----------
+    path : path
+        A file like ``config/vehicle.yaml``, of which the sections for any node (``/**``) and for a node named
+        ``tire_dynamics`` are read, or like ``config/table_1.yaml``.
+
+    Returns
+    -------
+    dict
+        Parameter names and values, only those given.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else; :func:`complete` checks the values.
+    """
+    if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
+        raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
+    try:
+        content = read_yaml(path)
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    sections = list(_ros_sections(content))
+    if sections:
+        values: dict[str, Any] = {}
+        for node, section in sections:
+            if node.split("/")[-1] in ("**", "*", NODE_NAME):
+                if not isinstance(section, dict):
+                    raise InputError(f"{path}: ros__parameters of {node} is not a mapping")
+                values.update(_flat(section))
+        if not values:
+            nodes = ", ".join(node for node, _ in sections)
+            raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
+        values.pop("use_sim_time", None)  # a parameter of every node, not of this table
+    else:
+        values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
+    try:
+        complete(values)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def _as_parameter(value: Any) -> Any:
+    """A unit's value as a ROS parameter has it: numbers with a point, lists of lists as one list."""
+    if isinstance(value, list):
+        flat = [item for each in value for item in (each if isinstance(each, list) else [each])]
+        return [_as_parameter(item) for item in flat]
+    return float(value) if type(value) is int else value
+
+
+def _ros_sections(tree: Mapping[Any, Any], name: str = "") -> Iterator[tuple[str, Any]]:
+    """Node and content of every ``ros__parameters``; namespaces may be levels of their own."""
+    for key, value in tree.items():
+        if key == "ros__parameters":
+            yield name, value
+        elif isinstance(value, dict):
+            yield from _ros_sections(value, f"{name}/{str(key).strip('/')}")
+
+
+def _flat(tree: Mapping[Any, Any], prefix: str = "") -> dict[str, Any]:
+    values: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            values.update(_flat(value, f"{prefix}{name}."))
+        else:
+            values[f"{prefix}{name}"] = value
+    return values

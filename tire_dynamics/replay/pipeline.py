@@ -1,0 +1,207 @@
+"""A vehicle with its topics: bytes in, bytes out. The live node and the replay both run this, call for call."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cdr import messages
+from ..estimator.vehicle import Vehicle
+from ..science.rotating_excitation import rotating_excitation
+from .parameters import complete, unit_of, vehicle_settings
+from .stream import IGNORED, TICKS, MessageStream
+
+__all__ = ["LOG_RECORD", "TF_STATIC", "TICK", "Events", "Records", "Pipeline", "input_types"]
+
+IntArray = NDArray[np.int64]
+
+TICK = "~/tick"
+"""In logs only: the time of each tick, before the outputs of that tick (rosgraph_msgs/Clock)."""
+
+TF_STATIC = "/tf_static"
+"""Where the axles' frames are, if the parameters say so (tf2_msgs/TFMessage)."""
+
+LOG_RECORD = "~/log_record"
+"""In logs only: what a replay needs beside the inputs, as JSON (std_msgs/String)."""
+
+
+def input_types(wheels: tuple[str, ...]) -> dict[str, str]:
+    """Relative names and types of the inputs of these wheels."""
+    types = {"joint_states": messages.JOINT_STATE}
+    for wheel in wheels:
+        types[f"{wheel}/wheel_speed"] = messages.FLOAT64
+        types[f"{wheel}/load"] = messages.WRENCH_STAMPED
+        types[f"{wheel}/load_force"] = messages.FLOAT64
+    return types
+
+
+class Events(NamedTuple):
+    """Input messages and ticks in their order, as columns; message ``i`` is ``data[start[i] : start[i] + size[i]]``.
+
+    ``topics`` are relative names, :data:`TICK` for a tick; ``topic`` is an index into them. Times of receipt, of
+    publication and the times ``tick`` to advance to are in nanoseconds.
+    """
+
+    topics: tuple[str, ...]
+    topic: IntArray
+    received: IntArray
+    published: IntArray
+    tick: IntArray
+    data: bytes
+    start: IntArray
+    size: IntArray
+
+    def part(self, some: slice) -> Events:
+        """Some of the events."""
+        topic, received, published, tick = self.topic[some], self.received[some], self.published[some], self.tick[some]
+        return Events(self.topics, topic, received, published, tick, self.data, self.start[some], self.size[some])
+
+
+class Records(NamedTuple):
+    """Events and the outputs of their ticks as message records of an MCAP file, and how many there are by topic."""
+
+    data: memoryview
+    starts: IntArray
+    received: Counter[str]
+    written: Counter[str]
+
+
+class Pipeline:
+    """The vehicle that a set of parameters describes, fed and read in serialised messages.
+
+    Parameters
+    ----------
+    values : mapping
+        Parameters, see :data:`~tire_dynamics.replay.parameters.PARAMETERS`; those left out have their defaults.
+
+    Attributes
+    ----------
+    vehicle : Vehicle
+    inputs, outputs : dict
+        Message type by the topic's relative name.
+    """
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.values = complete(values)
+        settings = vehicle_settings(self.values)
+        self.vehicle = Vehicle(settings)
+        self.inputs = input_types(settings.wheels)
+        self.outputs = {
+            f"{wheel}/{name}": kind
+            for wheel in settings.wheels
+            for name, kind in (
+                ("axle_wrench", messages.WRENCH_STAMPED),
+                ("ring_deflection", messages.FLOAT64_MULTI_ARRAY),
+                ("ring_shape", messages.POINT_CLOUD),
+            )
+        }
+        self._stream = MessageStream(
+            self.vehicle.wheels, settings.joint_names, self.values["frame_ids"], settings.ring_samples
+        )
+        self._numbers = {topic: number for number, topic in enumerate(self.inputs)}
+        self._names = list(self.outputs)
+        self._show()
+
+    def _show(self) -> None:
+        self._stream.set_shape(self.vehicle.unit.radius, self.values["ring_shape_scale"])
+
+    @property
+    def malformed(self) -> Counter[str]:
+        """By topic, the messages that were not what their type says; each was left out whole."""
+        counts = {topic: self._stream.malformed_of(number) for topic, number in self._numbers.items()}
+        return Counter({topic: count for topic, count in counts.items() if count})
+
+    @property
+    def message_counts(self) -> Counter[str]:
+        """``no velocity``: JointStates whose velocities are not one per name, which were refused."""
+        return Counter({"no velocity": self._stream.no_velocity} if self._stream.no_velocity else {})
+
+    def receive(self, topic: str, received: int, data: bytes) -> None:
+        """Take a serialised input message at its time of receipt [ns]."""
+        self._stream.receive(self._numbers[topic], received, data)
+
+    def receiver(self, topic: str) -> Callable[[int, bytes], None]:
+        """:meth:`receive` for one topic."""
+        return functools.partial(self._stream.receive, self._numbers[topic])
+
+    def tick(self, stamp: int) -> list[tuple[str, bytes]]:
+        """Advance to a time [ns]; the forces of that moment as (relative topic, serialised message)."""
+        names = self._names
+        return [(names[number], data) for number, data in self._stream.tick(stamp)]
+
+    def belts(self) -> list[tuple[str, bytes]]:
+        """The belts' messages if they are due at the last tick: later than the forces, which are waited for."""
+        names = self._names
+        return [(names[number], data) for number, data in self._stream.belts()]
+
+    def run(self, events: Events, channels: Mapping[str, int]) -> Records:
+        """What :meth:`receive`, and :meth:`tick` with :meth:`belts`, would do one after the other, bit for bit.
+
+        Parameters
+        ----------
+        events : Events
+        channels : mapping
+            Channel of each topic, by its relative name, in the file that the records are for; an event whose topic has
+            none is not written.
+
+        Returns
+        -------
+        Records
+            Good until the next call.
+
+        Raises
+        ------
+        MessageError
+            The time of a tick is outside ROS time.
+        """
+        kinds = [TICKS if name == TICK else self._numbers.get(name, IGNORED) for name in events.topics]
+        number = np.array(kinds, dtype=np.int64)[events.topic]
+        channel = np.array([channels.get(name, -1) for name in events.topics], dtype=np.int64)[events.topic]
+        outputs = np.array([channels[name] for name in self._names], dtype=np.int64)
+        columns = (number, events.received, events.tick, events.start, events.size, channel, events.published)
+        number, received, tick, start, size, channel, published = (np.ascontiguousarray(each) for each in columns)
+        data, starts, counts = self._stream.run(
+            number, received, tick, events.data, start, size, channel, published, outputs
+        )
+        seen = np.bincount(events.topic, minlength=len(events.topics)).tolist()
+        return Records(
+            data,
+            starts,
+            Counter({name: count for name, count in zip(events.topics, seen, strict=True) if count}),
+            Counter({name: count for name, count in zip(self._names, counts.tolist(), strict=True) if count}),
+        )
+
+    def prepare(self, values: Mapping[str, Any]) -> None:
+        """Have what takes long in :meth:`set_values` with the same values done before, on any thread."""
+        unit, model = unit_of(complete({**self.values, **values})), self.vehicle.settings.model
+        rotating_excitation(unit, model)  # which is remembered
+
+    def set_values(self, values: Mapping[str, Any]) -> None:
+        """Change parameters that may change while the wheels turn, from now on."""
+        self.values = complete({**self.values, **values})
+        unit = unit_of(self.values)
+        if unit != self.vehicle.unit:
+            self.vehicle.set_unit(unit)
+        self._show()
+
+    def transforms(self, stamp: int) -> bytes | None:
+        """Where the axles' frames are, for :data:`TF_STATIC`; None if no parent frame is given."""
+        parent, positions = self.values["tf.parent_frame"], self.values["tf.positions"]
+        if not parent:
+            return None
+        places = [positions[first : first + 3] for first in range(0, len(positions), 3)]
+        return messages.encode_static_transforms(stamp, parent, self.values["frame_ids"], places)
+
+    def record(self, topics: Mapping[str, str], dropped: Mapping[str, int] | None = None) -> bytes:
+        """The log record that lets a replay continue from here: parameters, state, and the topics' full names.
+
+        ``dropped`` says how many messages on each topic (full name) are not in the log.
+        """
+        content = {"parameters": self.values, "topics": dict(topics), "vehicle": self.vehicle.snapshot()}
+        return messages.encode_string(json.dumps({**content, "dropped": dict(dropped or {})}))

@@ -1,0 +1,707 @@
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""Serialised messages into the wheels, and serialised messages out of them: one call for each, or one for many.
+
+The layouts are those of :mod:`.messages`, whose decoders and encoders this module asks for everything that is rare:
+what is not little-endian, joint names that are new, and each encoder's message, of which only the numbers change.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cdr import messages
+from ..estimator.belt import ring_angles
+from ..estimator.vehicle import joint_places
+from ..science.elementary import cos_sin
+
+try:
+    import cython
+except ImportError:
+    from ..science import cython_stand_in as cython
+if cython.compiled:
+    from cython.cimports.libc.string import memcmp, memcpy
+    from cython.cimports.tire_dynamics.estimator.wheels import Wheels
+else:
+    from ..estimator.wheels import Wheels
+
+__all__ = ["IGNORED", "MESSAGE_HEAD", "TICKS", "MessageStream"]
+
+IntArray = NDArray[np.int64]
+
+TICKS, IGNORED = -1, -2
+"""In place of an input's number, of :meth:`MessageStream.run`: a tick; a message that is no input."""
+
+MESSAGE_HEAD = 31
+"""Bytes before a message in an MCAP file: opcode, length, channel, sequence, log time, publish time."""
+
+_TICK = cython.declare(cython.longlong, -1)
+_HEAD = cython.declare(cython.Py_ssize_t, 31)
+_MESSAGE = cython.declare(cython.int, 5)  # the opcode
+_SECOND = cython.declare(cython.longlong, 1_000_000_000)
+_MAX_JOINT_STATE = cython.declare(cython.Py_ssize_t, 2**20)
+_FIRST = cython.declare(cython.Py_ssize_t, 12)  # where a frame_id stands: encapsulation, stamp
+_OUTCOMES = cython.declare(cython.Py_ssize_t, 11)  # places in Schedule.counts
+_JOINT_TWICE = cython.declare(cython.Py_ssize_t, 10)
+_NAN = cython.declare(cython.double, float("nan"))
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def get_uint(data: cython.const[cython.uchar][::1], at: cython.Py_ssize_t) -> cython.longlong:
+    if cython.compiled:
+        return (
+            cython.cast(cython.longlong, data[at])
+            | (cython.cast(cython.longlong, data[at + 1]) << 8)
+            | (cython.cast(cython.longlong, data[at + 2]) << 16)
+            | (cython.cast(cython.longlong, data[at + 3]) << 24)
+        )
+    else:
+        return int(struct.unpack_from("<I", data, at)[0])
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def get_double(data: cython.const[cython.uchar][::1], at: cython.Py_ssize_t) -> cython.double:
+    if cython.compiled:
+        value: cython.double = 0.0
+        memcpy(cython.address(value), cython.address(data[at]), 8)
+        return value
+    else:
+        return float(struct.unpack_from("<d", data, at)[0])
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def put_integer(
+    out: cython.uchar[::1], at: cython.Py_ssize_t, value: cython.longlong, size: cython.int
+) -> cython.void:
+    k: cython.int
+    for k in range(size):
+        out[at + k] = (value >> (8 * k)) & 255
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def put_double(out: cython.uchar[::1], at: cython.Py_ssize_t, value: cython.double) -> cython.void:
+    if cython.compiled:
+        memcpy(cython.address(out[at]), cython.address(value), 8)
+    else:
+        struct.pack_into("<d", out, at, value)
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def put_single(out: cython.uchar[::1], at: cython.Py_ssize_t, value: cython.double) -> cython.void:
+    if cython.compiled:
+        single: cython.float = cython.cast(cython.float, value)
+        memcpy(cython.address(out[at]), cython.address(single), 4)
+    else:
+        out[at : at + 4] = np.float32(value).tobytes()
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def copy(
+    out: cython.uchar[::1],
+    at: cython.Py_ssize_t,
+    data: cython.const[cython.uchar][::1],
+    first: cython.Py_ssize_t,
+    size: cython.Py_ssize_t,
+) -> cython.void:
+    if cython.compiled:
+        if size > 0:
+            memcpy(cython.address(out[at]), cython.address(data[first]), size)
+    else:
+        out[at : at + size] = data[first : first + size]
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def put_stamp(out: cython.uchar[::1], at: cython.Py_ssize_t, stamp: cython.longlong) -> cython.void:
+    """A builtin_interfaces/Time: before the epoch its seconds are negative, its nanoseconds never."""
+    seconds: cython.longlong = stamp // _SECOND
+    if seconds * _SECOND > stamp:  # C rounds towards zero
+        seconds -= 1
+    put_integer(out, at, seconds, 4)
+    put_integer(out, at + 4, stamp - seconds * _SECOND, 4)
+
+
+@cython.cclass
+class MessageStream:
+    """The messages of a vehicle's wheels.
+
+    Parameters
+    ----------
+    wheels : Wheels
+    joints, frames : sequence of str
+        Of each wheel: its joint in joint_states, the frame of its outputs.
+    samples : int
+        P, the angles of the belt.
+
+    Attributes
+    ----------
+    inputs : list of str
+        What each input's number stands for: "joint_states", then "wheel_speed", "load" and "load_force" of each wheel.
+    outputs : list of str
+        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel.
+    no_velocity : int
+        JointStates whose velocities are not one per name, which were refused.
+    """
+
+    def __init__(self, wheels: Wheels, joints: Sequence[str], frames: Sequence[str], samples: int) -> None:
+        self.wheels, self.joints = wheels, tuple(joints)
+        self.inputs = ["joint_states", *("wheel_speed", "load", "load_force") * wheels.count]
+        self.outputs = [*("axle_wrench", "ring_deflection", "ring_shape") * wheels.count]
+        self.no_velocity = 0
+        self._decoder, self._wrench_decoder = messages.JointStateDecoder(), messages.WrenchDecoder()
+        self.malformed_counts = np.zeros(len(self.inputs), dtype=np.int64).data
+        self.names, self.names_end, self.names_count, self.places = _bytes(b"\0"), 0, 0, 0
+        self.place = np.zeros(3 * wheels.count, dtype=np.int64).data
+        # each wheel's message, its numbers zero, one behind the other
+        wrenches = [messages.WrenchEncoder(frame).encode(0, 0.0, 0.0) for frame in frames]
+        shapes = [messages.RingShapeEncoder(frame, samples).encode(0, np.zeros((samples, 5))) for frame in frames]
+        self.wrench, self.wrench_at = _bytes(b"".join(wrenches)), _ends(wrenches)
+        self.shape, self.shape_at = _bytes(b"".join(shapes)), _ends(shapes)
+        self.deflection = _bytes(messages.DeflectionEncoder(samples).encode(np.zeros((2, samples))))
+        cosine, sine = cos_sin(ring_angles(samples))
+        self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
+        self.along = np.stack([sine, cosine], axis=1).reshape(-1).data
+        self.radius, self.scale = 0.0, 1.0
+        self.most = len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 3 * _HEAD)
+        self.out = memoryview(bytearray(2 * self.most))
+        self.used = self.messages = 0
+        self.begin, self.topic = (np.zeros(3 * wheels.count, dtype=np.int64).data for _ in range(2))
+
+    def set_shape(self, radius: float, scale: float) -> None:
+        """The belt's radius [m], and by what the deflection in the points of ring_shape is multiplied."""
+        self.radius, self.scale = radius, scale
+
+    def malformed_of(self, number: int) -> int:
+        """How many messages of an input were not what their type says; each was left out whole."""
+        if not 0 <= number < len(self.inputs):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
+        return int(self.malformed_counts[number])
+
+    # -- in -------------------------------------------------------------------------------------------------
+
+    def receive(self, number: int, received: int, data: bytes) -> None:
+        """Take a serialised message of an input at its time of receipt [ns]."""
+        if not 0 <= number < len(self.inputs):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
+        self.take(number, received, data, 0, len(data))
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take(
+        self,
+        topic: cython.Py_ssize_t,
+        received: cython.longlong,
+        data: cython.const[cython.uchar][::1],
+        first: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.bint:
+        """Take a message; whether it was one."""
+        valid: cython.int
+        kind: cython.Py_ssize_t = (topic - 1) % 3
+        if topic == 0:
+            valid = self.take_joints(received, data, first, size)
+        elif kind == 1:
+            valid = self.take_wrench((topic - 1) // 3, received, data, first, size)
+        else:
+            valid = self.take_float((topic - 1) // 3, kind == 2, received, data, first, size)
+        if valid < 0:  # not the usual layout
+            with cython.gil:
+                valid = self._take_slowly(topic, received, bytes(data[first : first + size]))
+        if not valid:
+            self.malformed_counts[topic] += 1
+        return valid > 0
+
+    def _take_slowly(self, topic: int, received: int, data: bytes) -> bool:
+        """A message of any layout, by the decoders of :mod:`.messages`."""
+        wheel, kind = divmod(topic - 1, 3)
+        try:
+            if topic == 0:
+                state = self._decoder.decode(data)
+                if len(state.velocities) != len(state.names):
+                    self.no_velocity += 1
+                    return True
+                has_angles = len(state.positions) == len(state.names)
+                for index, place, is_twice in joint_places(self.joints, state.names):
+                    if is_twice:
+                        self.wheels.count_joint_twice(index)
+                    angle = state.positions[place] if has_angles else _NAN
+                    self.wheels.add_speed(index, received, state.stamp_ns, state.velocities[place], angle)
+            elif kind == 1:
+                wrench = self._wrench_decoder.decode(data)
+                self.wheels.add_load(wheel, received, wrench.stamp_ns, wrench.fz, wrench.fx)
+            elif kind == 2:
+                self.wheels.add_load(wheel, received, received, messages.decode_float64(data), 0.0)
+            else:
+                self.wheels.add_speed(wheel, received, received, messages.decode_float64(data))
+        except messages.MessageError:
+            return False
+        return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_float(
+        self,
+        wheel: cython.Py_ssize_t,
+        is_load: cython.bint,
+        received: cython.longlong,
+        data: cython.const[cython.uchar][::1],
+        first: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.bint:
+        """A std_msgs/Float64."""
+        value: cython.double
+        if size < 12 or data[first] != 0 or data[first + 1] > 1:
+            return False
+        if data[first + 1] == 1:
+            value = get_double(data, first + 4)
+        else:
+            value = _swapped(data, first + 4)
+        if is_load:
+            self.wheels.take_load(wheel, received, received, value, 0.0)
+        else:
+            self.wheels.take_speed(wheel, received, received, value, _NAN)
+        return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_wrench(
+        self,
+        wheel: cython.Py_ssize_t,
+        received: cython.longlong,
+        data: cython.const[cython.uchar][::1],
+        first: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.int:
+        """A geometry_msgs/WrenchStamped in little-endian with a frame_id in ASCII; -1 for others."""
+        k: cython.Py_ssize_t
+        length: cython.longlong
+        at: cython.Py_ssize_t
+        stamp: cython.longlong
+        if size < _FIRST + 4 or data[first] != 0 or data[first + 1] != 1:
+            return -1
+        length = get_uint(data, first + _FIRST)
+        if length > size - 16:
+            return 0
+        for k in range(length):
+            if data[first + 16 + k] > 127:
+                return -1
+        if length > 0 and data[first + 16 + length - 1] != 0:
+            return 0
+        at = 16 + length
+        at += (4 - at) & 7  # the body, from byte 4 on, is aligned
+        stamp = get_uint(data, first + 8)
+        if at + 48 > size or stamp >= _SECOND:
+            return 0
+        stamp += _signed(get_uint(data, first + 4)) * _SECOND
+        self.wheels.take_load(
+            wheel, received, stamp, get_double(data, first + at + 16), get_double(data, first + at)
+        )
+        return 1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_joints(
+        self,
+        received: cython.longlong,
+        data: cython.const[cython.uchar][::1],
+        first: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.int:
+        """A sensor_msgs/JointState in little-endian; -1 for others.
+
+        A publisher sends the same frame_id and names every time: their bytes are kept, and parsed when they differ.
+        """
+        k: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        angles: cython.Py_ssize_t
+        count: cython.longlong
+        known: cython.longlong
+        stamp: cython.longlong
+        angle: cython.double
+        if size < _FIRST or size > _MAX_JOINT_STATE or data[first] != 0 or data[first + 1] != 1:
+            return -1
+        if size < self.names_end or not _equal(data, first + _FIRST, self.names, self.names_end - _FIRST):
+            with cython.gil:
+                if not self._learn_names(bytes(data[first : first + size])):
+                    return 0
+        at = self.names_end
+        at += (4 - at) & 3
+        if at + 4 > size:
+            return 0
+        known = get_uint(data, first + at)  # of positions
+        at += 4
+        if 8 * known > size - at:
+            return 0
+        if known:
+            at += (4 - at) & 7
+        angles = at
+        at += 8 * known
+        if at > size:
+            return 0
+        at += (4 - at) & 3
+        if at + 4 > size:
+            return 0
+        count = get_uint(data, first + at)
+        at += 4
+        if 8 * count > size - at:
+            return 0
+        if count:
+            at += (4 - at) & 7
+        k = at + 8 * count
+        if k > size:
+            return 0
+        k += (4 - k) & 3
+        if k + 4 > size or 8 * get_uint(data, first + k) > size - k - 4:  # efforts
+            return 0
+        stamp = get_uint(data, first + 8)
+        if stamp >= _SECOND:
+            return 0
+        stamp += _signed(get_uint(data, first + 4)) * _SECOND
+        if count != self.names_count:
+            self.no_velocity += 1
+            return 1
+        for k in range(self.places):
+            if self.place[3 * k + 2]:
+                self.wheels.schedule.counts[self.place[3 * k] * _OUTCOMES + _JOINT_TWICE] += 1
+            angle = _NAN
+            if known == count:
+                angle = get_double(data, first + angles + 8 * self.place[3 * k + 1])
+            self.wheels.take_speed(
+                self.place[3 * k], received, stamp, get_double(data, first + at + 8 * self.place[3 * k + 1]), angle
+            )
+        return 1
+
+    def _learn_names(self, data: bytes) -> bool:
+        """The names of a JointState and where the wheels' joints are among them; whether they can be read."""
+        try:
+            names, end = messages.joint_names(data)
+        except messages.MessageError:
+            return False
+        self.names, self.names_end, self.names_count = _bytes(data[12:end] or b"\0"), end, len(names)
+        places = joint_places(self.joints, names)
+        self.places = len(places)
+        for k, row in enumerate(places):
+            for column, value in enumerate(row):
+                self.place[3 * k + column] = int(value)
+        return True
+
+    # -- out ------------------------------------------------------------------------------------------------
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_forces(self, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
+        """The axle_wrench of each wheel in motion behind what is in ``out``, with room for a head before each."""
+        w: cython.Py_ssize_t
+        first: cython.Py_ssize_t
+        size: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        for w in range(self.wheels.count):
+            if not self.wheels.schedule.running[w]:
+                continue
+            first = self.wrench_at[w]
+            size = self.wrench_at[w + 1] - first
+            at = self.used + head
+            copy(self.out, at, self.wrench, first, size)
+            put_stamp(self.out, at + 4, stamp)
+            put_double(self.out, at + size - 48, self.wheels.force[2 * w])
+            put_double(self.out, at + size - 32, self.wheels.force[2 * w + 1])
+            self.begin[self.messages] = at
+            self.topic[self.messages] = 3 * w
+            self.messages += 1
+            self.used = at + size
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_belts(self, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
+        """The ring_deflection and the ring_shape of each wheel whose belt is due, likewise."""
+        w: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        size: cython.Py_ssize_t
+        P: cython.Py_ssize_t = self.wheels.belt.points
+        radial: cython.double
+        tangential: cython.double
+        for w in range(self.wheels.count):
+            if not self.wheels.is_due(w):
+                continue
+            self.wheels.belt.deflect(w, self.wheels.motion)
+            size = self.deflection.shape[0]
+            at = self.used + head
+            copy(self.out, at, self.deflection, 0, size)
+            for i in range(2 * P):
+                put_double(self.out, at + size - 16 * P + 8 * i, self.wheels.belt.shape[i])
+            self.begin[self.messages] = at
+            self.topic[self.messages] = 3 * w + 1
+            self.messages += 1
+            self.used = at + size
+            size = self.shape_at[w + 1] - self.shape_at[w]
+            at = self.used + head
+            copy(self.out, at, self.shape, self.shape_at[w], size)
+            put_stamp(self.out, at + 4, stamp)
+            self.begin[self.messages] = at
+            self.topic[self.messages] = 3 * w + 2
+            self.messages += 1
+            self.used = at + size
+            at = at + size - 1 - 20 * P
+            for i in range(P):
+                radial, tangential = self.wheels.belt.shape[i], self.wheels.belt.shape[P + i]
+                put_single(
+                    self.out, at,
+                    (self.radius + self.scale * radial) * self.outward[2 * i]
+                    + (self.scale * tangential) * self.along[2 * i],
+                )  # fmt: skip
+                put_single(
+                    self.out, at + 8,
+                    (self.radius + self.scale * radial) * self.outward[2 * i + 1]
+                    + (self.scale * tangential) * self.along[2 * i + 1],
+                )  # fmt: skip
+                put_single(self.out, at + 12, radial)
+                put_single(self.out, at + 16, tangential)
+                at += 20
+
+    def tick(self, stamp: int) -> list[tuple[int, bytes]]:
+        """Advance to a time [ns]; the forces of that moment, as numbers of outputs and serialised messages.
+
+        Raises
+        ------
+        MessageError
+            The time is outside ROS time.
+        """
+        messages.check_time(stamp)
+        self.wheels.go_to(stamp)
+        self.used = self.messages = 0
+        self.put_forces(stamp, 0)
+        return self._taken()
+
+    def belts(self) -> list[tuple[int, bytes]]:
+        """The belts' messages if they are due at the last tick: later than the forces, which are waited for."""
+        self.used = self.messages = 0
+        self.put_belts(self.wheels.now, 0)
+        return self._taken()
+
+    def _taken(self) -> list[tuple[int, bytes]]:
+        if not self.messages:
+            return []
+        ends = [*(self.begin[k] for k in range(1, self.messages)), self.used]
+        return [(self.topic[k], bytes(self.out[self.begin[k] : end])) for k, end in enumerate(ends)]
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def ensure(self) -> cython.void:
+        """Room for the outputs of a tick."""
+        if self.out.shape[0] - self.used < self.most:
+            with cython.gil:
+                self._widen(self.most)
+
+    def _widen(self, wanted: int) -> None:
+        grown = bytearray(2 * len(self.out) + wanted)
+        grown[: self.used] = self.out[: self.used]
+        self.out = memoryview(grown)
+
+    def run(
+        self,
+        number: IntArray,
+        received: IntArray,
+        tick: IntArray,
+        data: bytes,
+        start: IntArray,
+        size: IntArray,
+        channel: IntArray,
+        published: IntArray,
+        channels: IntArray,
+    ) -> tuple[memoryview, IntArray, IntArray]:
+        """What :meth:`receive`, and :meth:`tick` with :meth:`belts`, do, for many events, as records of an MCAP file.
+
+        Parameters
+        ----------
+        number : ndarray of int, shape (N,)
+            Of the input that each event is a message of, ``TICKS`` or ``IGNORED``.
+        received, tick : ndarray of int, shape (N,)
+            Time of receipt, and the time to advance to [ns].
+        data : bytes
+        start, size : ndarray of int, shape (N,)
+            Where in it the message is; a tick has one too.
+        channel, published : ndarray of int, shape (N,)
+            Channel and publish time of the event's own record; the log time is that of the receipt. Below 0: none.
+        channels : ndarray of int, shape (3 W,)
+            Channels of the outputs.
+
+        Returns
+        -------
+        records : memoryview
+            Each event's message, the outputs of each tick behind it. Good until the next call.
+        starts, counts : ndarray of int, shapes (M,) and (3 W,)
+            Where the records are; how many there are of each output.
+        """
+        for stamp in (tick.min(initial=0), tick.max(initial=0)):
+            messages.check_time(int(stamp))
+        wanted = int(size.sum()) + MESSAGE_HEAD * len(number) + self.most
+        self.used = 0
+        if len(self.out) < wanted:
+            self._widen(wanted)
+        ticks = int((number == TICKS).sum())
+        starts = np.empty(len(number) + ticks * 3 * self.wheels.count, dtype=np.int64)
+        counts = np.zeros(3 * self.wheels.count, dtype=np.int64)
+        used = self._run(
+            len(number), number.data, received.data, tick.data, memoryview(data),
+            start.data, size.data, channel.data, published.data, channels.data,
+            starts.data, counts.data,
+        )  # fmt: skip
+        return memoryview(self.out)[: self.used], starts[:used], counts
+
+    def _run(
+        self,
+        events: cython.Py_ssize_t,
+        number: cython.const[cython.longlong][::1],
+        received: cython.const[cython.longlong][::1],
+        tick: cython.const[cython.longlong][::1],
+        data: cython.const[cython.uchar][::1],
+        start: cython.const[cython.longlong][::1],
+        size: cython.const[cython.longlong][::1],
+        channel: cython.const[cython.longlong][::1],
+        published: cython.const[cython.longlong][::1],
+        channels: cython.const[cython.longlong][::1],
+        starts: cython.longlong[::1],
+        counts: cython.longlong[::1],
+    ) -> int:
+        event: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        end: cython.Py_ssize_t
+        found: cython.Py_ssize_t = 0
+        left: cython.Py_ssize_t = 0
+        for event in range(events):
+            left += size[event] + _HEAD
+        with cython.nogil:
+            for event in range(events):
+                if channel[event] >= 0:
+                    starts[found] = self.used
+                    found += 1
+                    _head(self.out, self.used, size[event], channel[event], received[event], published[event])
+                    copy(self.out, self.used + _HEAD, data, start[event], size[event])
+                    self.used += _HEAD + size[event]
+                left -= size[event] + _HEAD
+                if number[event] == _TICK:
+                    if self.out.shape[0] - self.used - left < self.most:
+                        with cython.gil:
+                            self._widen(left + self.most)
+                    self.wheels.go_to(tick[event])
+                    self.messages = 0
+                    self.put_forces(tick[event], _HEAD)
+                    self.put_belts(tick[event], _HEAD)
+                    for k in range(self.messages):
+                        at = self.begin[k]
+                        end = self.begin[k + 1] - _HEAD if k + 1 < self.messages else self.used
+                        starts[found] = at - _HEAD
+                        found += 1
+                        counts[self.topic[k]] += 1
+                        _head(
+                            self.out, at - _HEAD, end - at, channels[self.topic[k]], received[event], published[event]
+                        )
+                elif number[event] >= 0:
+                    self.take(number[event], received[event], data, start[event], size[event])
+        return found
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _head(
+    out: cython.uchar[::1],
+    at: cython.Py_ssize_t,
+    size: cython.longlong,
+    channel: cython.longlong,
+    log_time: cython.longlong,
+    publish_time: cython.longlong,
+) -> cython.void:
+    """The beginning of a message record of an MCAP file."""
+    out[at] = _MESSAGE
+    put_integer(out, at + 1, size + 22, 8)
+    put_integer(out, at + 9, channel, 2)
+    put_integer(out, at + 11, 0, 4)  # the sequence
+    put_integer(out, at + 15, log_time, 8)
+    put_integer(out, at + 23, publish_time, 8)
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _signed(value: cython.longlong) -> cython.longlong:
+    """A uint32 as an int32."""
+    return value - ((value >> 31) << 32)
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _swapped(data: cython.const[cython.uchar][::1], at: cython.Py_ssize_t) -> cython.double:
+    """A big-endian double."""
+    if cython.compiled:
+        turned: cython.longlong = 0
+        k: cython.int
+        for k in range(8):
+            turned = (turned << 8) | data[at + k]
+        value: cython.double = 0.0
+        memcpy(cython.address(value), cython.address(turned), 8)
+        return value
+    else:
+        return float(struct.unpack_from(">d", data, at)[0])
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _equal(
+    data: cython.const[cython.uchar][::1],
+    first: cython.Py_ssize_t,
+    known: cython.uchar[::1],
+    size: cython.Py_ssize_t,
+) -> cython.bint:
+    """Whether bytes are known; none are, at first."""
+    if size <= 0:
+        return False
+    if cython.compiled:
+        return memcmp(cython.address(data[first]), cython.address(known[0]), size) == 0
+    else:
+        return bool(data[first : first + size] == known[:size])
+
+
+def _bytes(data: bytes) -> memoryview:
+    return memoryview(bytearray(data))
+
+
+def _ends(parts: Sequence[bytes]) -> memoryview:
+    """Where each of some parts that lie one behind the other begins, and where the last ends."""
+    return np.cumsum([0, *map(len, parts)]).astype(np.int64).data

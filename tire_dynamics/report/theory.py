@@ -1,0 +1,166 @@
+"""What the model says about a tire, as arrays for the report's charts. Speeds in rad/s, frequencies in Hz.
+
+Of a tire that is not uniform all but the verdict is its mean's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..figures.tables import WHEEL_MODES, wave_exponents, wheel_exponents
+from ..files.errors import InputError
+from ..science import uncertainty, wheel
+from ..science.floquet import VERDICTS, Verdict
+from ..science.maps import StabilityMap
+from ..science.modes import RingModes
+from ..science.response import frequency_response
+from ..science.unit import TireWheelUnit
+
+__all__ = [
+    "CAMPBELL_WAVES",
+    "Bands",
+    "Campbell",
+    "Errors",
+    "bands",
+    "campbell",
+    "load_to_force",
+    "response_range",
+    "stability_around",
+    "steady",
+    "verdict_of",
+]
+
+FloatArray = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+CAMPBELL_WAVES = (2, 3)
+RPM = math.pi / 30.0
+
+
+def load_to_force(
+    unit: TireWheelUnit, speed: FloatArray | float, frequency: FloatArray, model: wheel.Model = "inextensional"
+) -> ComplexArray:
+    """Vertical axle force over vertical load at constant speeds (...), shape (..., N); NaN if it has no bound."""
+    try:
+        return frequency_response(unit, speed, frequency, model)[..., 1, 0]
+    except ValueError:  # undamped, and at a resonance
+        return np.full((*np.shape(speed), frequency.size), math.nan + 0j)
+
+
+def steady(unit: TireWheelUnit, speed: FloatArray | float, model: wheel.Model = "inextensional") -> Any:
+    """K = F'/F of a constant load at speeds: the closed form where it holds, else :func:`load_to_force` at 0 Hz."""
+    if model == "inextensional" and unit.contact_half_angle == 0.0:
+        return wheel.transmissibility(unit, speed)
+    return np.abs(load_to_force(unit, speed, np.zeros(1), model))[..., 0]
+
+
+def response_range(
+    unit: TireWheelUnit, low: float, high: float, frequency: FloatArray, model: wheel.Model = "inextensional"
+) -> tuple[FloatArray, FloatArray]:
+    """Least and greatest modulus of :func:`load_to_force` at 17 speeds from low to high; shapes (N,)."""
+    gain = np.abs(load_to_force(unit, np.linspace(low, high, 17), frequency, model))
+    return gain.min(axis=0), gain.max(axis=0)
+
+
+class Errors(NamedTuple):
+    """Standard errors of a unit's parameters, as ``science.uncertainty.sample`` takes them."""
+
+    errors: dict[str, float]
+    correlation: FloatArray | None
+    samples: int
+    seed: int
+
+
+class Bands(NamedTuple):
+    """What 5, 50 and 95 % of samples of a tire lie below; ``whole`` has the critical speed [rad/s].
+
+    ``steady`` is K at the speeds asked for, (3, S); ``response`` the modulus of the response at the wheels' mean speeds
+    and the frequencies, (3, W, N).
+    """
+
+    whole: uncertainty.Bands
+    speed: FloatArray
+    steady: FloatArray
+    frequency: FloatArray
+    response: FloatArray
+
+
+def bands(
+    unit: TireWheelUnit,
+    known: Errors,
+    highest: float,
+    speed: FloatArray,
+    means: FloatArray,
+    frequency: FloatArray,
+    model: wheel.Model = "inextensional",
+) -> Bands:
+    """What errors of the parameters do, up to the highest speed driven; ``InputError`` if they are none."""
+    unit = unit.mean
+    options: Any = {"samples": known.samples, "seed": known.seed}
+    try:
+        whole = uncertainty.bands(unit, highest, known.errors, known.correlation, model=model, **options)
+        units = uncertainty.sample(unit, known.errors, known.correlation, **options)
+    except (ArithmeticError, ValueError) as error:
+        raise InputError(str(error)) from None
+    K = np.array([steady(each, speed, model) for each in units])
+    gain = np.array([np.abs(load_to_force(each, means, frequency, model)) for each in units])
+    quantiles = [np.quantile(each, uncertainty.SHARES, axis=0) for each in (K, gain)]
+    return Bands(whole, speed, quantiles[0], frequency, quantiles[1])
+
+
+def verdict_of(
+    unit: TireWheelUnit, speeds: Iterable[float], model: wheel.Model = "inextensional"
+) -> tuple[Verdict, list[float]]:
+    """The worst verdict at some speeds, and the speeds at which it is "unstable"."""
+    each = {speed: _verdict(unit, speed, model) for speed in speeds}
+    worst = max(each.values(), key=VERDICTS.index, default=VERDICTS[0])
+    return worst, [speed for speed, verdict in each.items() if verdict == "unstable"]
+
+
+@lru_cache(maxsize=4096)
+def _verdict(unit: TireWheelUnit, speed: float, model: wheel.Model) -> Verdict:
+    if not unit.is_uniform:
+        speed = max(abs(speed), 20.0)  # as wheel.is_unstable has it: slower takes long, and tells no more
+    return wheel.stability(unit, speed, model).verdict
+
+
+class Campbell(NamedTuple):
+    """Frequencies [Hz] and decay rates [1/s] seen from the axle, over speeds (S,): arrays (S,) by the motion's name."""
+
+    speed: FloatArray
+    frequency: dict[str, FloatArray]
+    decay: dict[str, FloatArray]
+
+
+def campbell(unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional") -> Campbell:
+    """Ring and wheel (n = 1) and the waves of ``CAMPBELL_WAVES``, from standstill to a speed."""
+    speeds = np.linspace(0.0, highest, 161)
+    exponents = {}
+    rigid = np.array([wheel_exponents(unit, speed, model)[: len(WHEEL_MODES)] for speed in speeds.tolist()])
+    for mode, column in zip(WHEEL_MODES, rigid.T, strict=False):
+        exponents[mode] = column
+    modes = RingModes(unit, CAMPBELL_WAVES, model)
+    waves = np.array([wave_exponents(modes, speed) for speed in speeds.tolist()])
+    for n, both in zip(CAMPBELL_WAVES, np.moveaxis(waves, 0, 2), strict=True):
+        for direction, column in zip(("backward", "forward"), both, strict=True):
+            exponents[f"n_{n}_{direction}"] = column
+    frequency = {name: np.abs(column.imag) / (2.0 * math.pi) for name, column in exponents.items()}
+    return Campbell(speeds, frequency, {name: -column.real for name, column in exponents.items()})
+
+
+def stability_around(
+    unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional"
+) -> tuple[StabilityMap, float | None]:
+    """A map over speed and zeta_1 around a unit and the highest speed driven, and its critical speed [rad/s]."""
+    unit = unit.mean
+    critical = wheel.critical_speed(unit, model)
+    top = max(2.5 * highest, 3.0 * (critical or 0.0), 3000.0 * RPM)
+    speeds = np.geomspace(60.0 * RPM, top, 140)
+    damping = np.linspace(0.005, max(0.25, min(0.95, 2.0 * unit.zeta_1)), 70)
+    return wheel.stability_map(unit, ("speed", speeds), ("zeta_1", damping), model=model), critical

@@ -1,0 +1,1 @@
+"""The live node and what it is made of; ``play`` and the demonstration. The only room that knows ROS."""

@@ -1,0 +1,733 @@
+"""The live node."""
+
+from __future__ import annotations
+
+import gc
+import json
+import math
+import sys
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib.util import find_spec
+from typing import Any
+
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import NameValidationException, ParameterException
+from rclpy.experimental import EventsExecutor
+from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
+from rclpy.serialization import serialize_message
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import MarkerArray
+
+from ..cdr import messages
+from ..files.errors import InputError, first_line
+from ..replay.parameters import NODE_NAME, complete
+from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
+from . import node_parameters
+from .analyst import Analyst
+from .deferred import Deferred, allow_deferred
+from .journal import DIAGNOSTICS, Journal
+from .markers import MarkerBuilder
+from .stop import Stop
+from .uniformity_monitor import Variations, variation_of
+from .worker import Worker
+
+__all__ = ["TireDynamicsNode", "run"]
+
+_IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
+_WAKE = 0.25  # [s] between two looks at the time where nothing comes in
+_LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
+_NOT_ACTIVE = "the node is not active"
+_BUSY = "too many requests are waiting; ask again"
+_AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
+_SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
+_SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
+
+
+class _Duty:
+    """What is done every so often, beside the ticks; times in ns on the steady clock."""
+
+    def __init__(self, seconds: float, call: Callable[[], None]) -> None:
+        self.call = call
+        self.period = round(1e9 * seconds)
+        self.due = time.monotonic_ns() + self.period
+
+
+class TireDynamicsNode(LifecycleNode):
+    """Wheel speeds and loads in; axle forces, belt shapes, stability and a log out.
+
+    A managed node. With the parameter ``autostart`` it is active when it has been made; without, it waits for a
+    lifecycle manager. Configured, it has checked its parameters and has its topics; active, it listens and
+    publishes, each time from equilibrium and with a log of its own; deactivated, that log is closed and whole.
+
+    The node only carries: what is computed, and from which messages, is :class:`Pipeline`'s, which the replay
+    runs too. Every message that comes in is logged as it was received, and every tick before its outputs, all
+    from the one thread that also computes; so the order in the log is the order of the computation.
+
+    Parameters
+    ----------
+    context : rclpy.context.Context, optional
+    arguments : sequence of str, optional
+        ROS arguments (``--ros-args ...``) beyond those of the context.
+    paced : bool
+        Whether the caller calls :meth:`pace` when :meth:`until_tick` is over. Without it a timer makes the ticks, on
+        whatever executor the node is given.
+
+    Raises
+    ------
+    InputError
+        A parameter is unknown, out of its bounds or in contradiction to another; without ``autostart`` it is the
+        transition to configured that fails, and says so in the ROS log and the diagnostics.
+    """
+
+    _pipeline: Pipeline
+    _variations: Variations
+    _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
+
+    def __init__(
+        self,
+        *,
+        context: rclpy.context.Context | None = None,
+        arguments: Sequence[str] | None = None,
+        paced: bool = False,
+    ) -> None:
+        try:
+            super().__init__(
+                NODE_NAME,
+                context=context,
+                cli_args=list(arguments) if arguments is not None else None,
+                automatically_declare_parameters_from_overrides=True,
+            )
+        except (ParameterException, ValueError) as error:
+            if "PARAMETER_NOT_SET" in str(error):
+                names = "wheels, joint_names, frame_ids or tf.positions"
+                raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
+            raise InputError(first_line(error)) from None
+        except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
+            raise InputError(first_line(error)) from None
+        self._clock_now = self.get_clock()
+        self._autostart = self._active = False
+        self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
+        self._refusal: Exception | None = None  # why the last transition failed
+        self._starting = True  # the caller is told what is wrong
+        self._journal = Journal(self.get_logger(), self._now)
+        self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
+        self._analyst = Analyst()
+        self._unanswered: set[Deferred] = set()
+        self._preparing = False
+        self._namesakes = 0
+        self._time: int | None = None
+        self._ticks = self._missed = self._before_clock = 0
+        self._step_times: list[float] = []
+        self._stabilities: list[dict[str, Any]] = []
+        self._next_wheel = 0
+        self._period = 0
+        self._deadline = time.monotonic_ns()
+        self._duties: list[_Duty] = []
+        self._paced = paced
+        # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._say(f"starting as {self.get_fully_qualified_name()}")
+        try:
+            self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+            self._add_duty(1.0, self._diagnose)
+            self._autostart = self._is_to_start()
+            if self._autostart:
+                self._change(self.trigger_configure)
+                self._change(self.trigger_activate)
+            else:
+                node_parameters.declare_loosely(self)
+                self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
+            self._starting = False
+        except BaseException:
+            self._end_work()
+            self._journal.end()
+            self.destroy_node()
+            raise
+
+    def _say(self, what: str) -> None:
+        self.get_logger().info(what)
+
+    def _is_to_start(self) -> bool:
+        row = node_parameters.ROWS["autostart"]
+        try:
+            return bool(row.check(node_parameters.given(self).get(row.name, row.default)))
+        except ValueError as error:
+            raise InputError(str(error)) from None
+
+    def _change(self, trigger: Callable[[], TransitionCallbackReturn]) -> None:
+        """Change the state, or say why not."""
+        if trigger() != TransitionCallbackReturn.SUCCESS:
+            assert self._refusal is not None
+            raise self._refusal
+
+    def _add_duty(self, seconds: float, call: Callable[[], None]) -> None:
+        """Have something done every so often, by :meth:`pace` or a timer."""
+        if self._paced:
+            self._duties.append(_Duty(seconds, call))
+            self._made.append((self._duties.remove, self._duties[-1]))
+        else:
+            self._made.append((self.destroy_timer, self.create_timer(seconds, call, clock=self._steady)))
+
+    # -- the states of a managed node -----------------------------------------------------------------------
+
+    def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Check the parameters, and make topics and services."""
+        return self._try(self._configure)
+
+    def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Listen and publish, from equilibrium; begin a log if there is to be one."""
+        return self._try(self._activate)
+
+    def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Stop all outputs, and close the log."""
+        return self._try(self._deactivate, lambda: self._say("inactive: no outputs until it is activated"))
+
+    def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """Take topics and services away; every parameter may change again."""
+        return self._try(self._clean_up, lambda: self._say("unconfigured: every parameter may change"))
+
+    def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As deactivated and cleaned up, for good."""
+        return self._try(self._deactivate, self._clean_up)
+
+    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
+        """As deactivated and cleaned up, to be configured anew."""
+        return self._try(self._deactivate, self._clean_up)
+
+    def _try(self, *changes: Callable[[], None]) -> TransitionCallbackReturn:
+        self._refusal = None
+        try:
+            for change in changes:
+                change()
+        except Exception as error:  # rclpy would not say it
+            self._refusal = error
+            if not self._starting:
+                self.get_logger().error(first_line(error))
+            return TransitionCallbackReturn.FAILURE
+        return TransitionCallbackReturn.SUCCESS
+
+    def _configure(self) -> None:
+        try:
+            values = node_parameters.whole(self)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        try:
+            self._pipeline, self._wanted = Pipeline(values), values
+            self._period = self._pipeline.vehicle.settings.period
+            node_parameters.declare(self, values, read_only=self._autostart)
+            self._connect()
+        except BaseException:
+            self._clean_up()
+            raise
+        self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._pipeline.inputs)} topics")
+
+    def _activate(self) -> None:
+        self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
+        self._wanted = self._pipeline.values
+        self._variations = Variations(self._pipeline.vehicle.wheels)
+        self._looking = False
+        self._time = None
+        try:
+            if self._pipeline.values["log.directory"]:
+                self._journal.start().wait_until_open()
+        except InputError:
+            self._journal.end()
+            raise
+        self._deadline = time.monotonic_ns()
+        self._active = True
+        wheels = len(self._pipeline.vehicle.settings.wheels)
+        log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
+        rate = self._pipeline.values["rate_hz"]
+        self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
+
+    def _deactivate(self) -> None:
+        was_active, self._active = self._active, False
+        self._worker.forget()
+        self._judge.forget()
+        while self._unanswered:
+            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+        self._preparing = False
+        if was_active and self._not_in_force():  # what was accepted counts, and the log says so
+            self._pipeline.set_values(self._wanted)
+            self._journal.record()
+        self._journal.close()
+
+    def _clean_up(self) -> None:
+        kept = 1  # the first duty is to say in which state the node is
+        while len(self._made) > kept:
+            destroy, entity = self._made.pop()
+            destroy(entity)
+        if not self._autostart:
+            node_parameters.declare_loosely(self)
+
+    def _connect(self) -> None:
+        names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
+        for topic, msgtype in self._pipeline.inputs.items():
+            subscription = self.create_subscription(
+                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+            )
+            self._made.append((self.destroy_subscription, subscription))
+            names[topic] = subscription.topic_name
+        self._outputs = {}
+        for topic, msgtype in self._pipeline.outputs.items():
+            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            names[topic] = self._outputs[topic].topic_name
+        names[DIAGNOSTICS] = self._diagnostics.topic_name
+        names[TF_STATIC] = TF_STATIC
+        self._journal.names = names
+        wheels = self._pipeline.vehicle.settings.wheels
+        self._markers = [self._publisher(f"{wheel}/markers", MarkerArray, 1) for wheel in wheels]
+        samples = self._pipeline.vehicle.settings.ring_samples
+        lifetime = max(0.5, 2.5 / self._pipeline.values["ring_rate_hz"])
+        self._marker_builders = [
+            MarkerBuilder(frame, samples, number=index, lifetime=lifetime)
+            for index, frame in enumerate(self._pipeline.values["frame_ids"])
+        ]
+        for index, wheel in enumerate(wheels):
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
+        self._service(SetBool, "~/set_logging", self._set_logging)
+        self._stabilities = [{} for _ in wheels]
+        self._next_wheel = 0
+        self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
+        if not self._paced:
+            self._add_duty(self._period * 1e-9, self._tick)
+        self._publish_transforms()
+        self.add_on_set_parameters_callback(self._check_change)
+        self._made.append((self.remove_on_set_parameters_callback, self._check_change))
+        self.add_post_set_parameters_callback(self._apply_change)
+        self._made.append((self.remove_post_set_parameters_callback, self._apply_change))
+
+    def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
+        publisher = self.create_publisher(kind, topic, qos)
+        self._made.append((self.destroy_publisher, publisher))
+        return publisher
+
+    def _service(self, kind: Any, name: str, reply: Any) -> Any:
+        service = self.create_service(kind, name, reply)
+        self._made.append((self.destroy_service, service))
+        return service
+
+    def _publish_transforms(self) -> None:
+        """Say where the axles' frames are; whoever comes later hears it too."""
+        transforms = self._pipeline.transforms(time.time_ns())
+        if transforms is None:
+            return
+        if find_spec("tf2_msgs") is None:
+            self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
+            return
+        qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
+
+    # -- parameters -----------------------------------------------------------------------------------------
+
+    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        values = node_parameters.changed(changes)
+        fixed = [name for name in values if node_parameters.ROWS[name].read_only]
+        if fixed:
+            reason = f"{fixed[0]} may change only while the node is unconfigured"
+            return SetParametersResult(successful=False, reason=reason)
+        try:
+            complete({**self._wanted, **values})
+        except ValueError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _apply_change(self, changes: Sequence[RosParameter]) -> None:
+        values = node_parameters.changed(changes)
+        if not values:
+            return
+        self._wanted = complete({**self._wanted, **values})
+        if self._active:
+            self._prepare_change()
+        else:
+            self._pipeline.set_values(self._wanted)
+
+    def _prepare_change(self) -> None:
+        """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
+        if not self._preparing:
+            self._preparing = True
+            wanted = self._wanted
+            work = partial(self._pipeline.prepare, wanted)
+            self._worker.ask("parameters", work, partial(self._put_in_force, wanted), urgent=True)
+
+    def _put_in_force(self, wanted: dict[str, Any], result: None, error: Exception | None) -> None:
+        """Between two ticks: in the log the record of it stands where the change came."""
+        self._preparing = False
+        if error is not None:
+            self.get_logger().error(f"the parameters stay as they were: {first_line(error)}")
+            self._wanted = self._pipeline.values
+            return
+        self._pipeline.set_values(wanted)
+        self._journal.record()
+        if self._wanted != wanted:
+            self._prepare_change()
+
+    # -- messages and ticks ---------------------------------------------------------------------------------
+
+    def _own_name(self, name: str) -> str:
+        return f"{self.get_fully_qualified_name()}/{name}"
+
+    def _now(self) -> int:
+        if not self._clock_now.ros_time_is_active:
+            return time.time_ns()  # the same clock, in a tenth of the time
+        now: int = self._clock_now.now().nanoseconds
+        return now
+
+    def _receiver(self, topic: str) -> Any:
+        def callback(data: bytes) -> None:
+            if not self._active:
+                return
+            now = self._now()
+            if now == 0:  # simulated time before the first /clock
+                self._before_clock += 1
+                return
+            self._journal.put(topic, now, now, data)
+            self._pipeline.receive(topic, now, data)
+
+        return callback
+
+    def until_tick(self) -> float:
+        """Time until the next tick is due [s], on the steady clock; negative if it is late."""
+        return (self._deadline - time.monotonic_ns()) * 1e-9
+
+    def pace(self) -> None:
+        """Tick if a tick is due, and do the rarer duties that are.
+
+        The deadlines lie one period apart; those that were missed altogether are left out.
+        """
+        steady = time.monotonic_ns()
+        late = steady - self._deadline
+        if not self._active:
+            self._deadline = steady + _IDLE
+        elif late >= 0:
+            missed = late // self._period
+            self._deadline += (1 + missed) * self._period
+            now = self._now()
+            if now and not self._clock_now.ros_time_is_active:
+                self._missed += missed
+                self._tick_at(now, self._after_last(now - late + missed * self._period, now))
+            else:
+                self._tick()
+        self._take_up_work()
+        for duty in self._duties:
+            if steady >= duty.due:
+                duty.due = max(duty.due + duty.period, steady)
+                duty.call()
+
+    def _after_last(self, stamp: int, now: int) -> int | None:
+        """A stamp that lies behind the last one; None if there is no room for it. A clock set back starts anew."""
+        if self._time is not None and self._time >= stamp and now >= self._time:
+            return None  # slewed by less than a period
+        self._time = stamp
+        return stamp
+
+    def _tick(self) -> None:
+        if self._active:
+            now = self._now()
+            self._tick_at(now, self._due(now))
+        if not self._paced:
+            self._take_up_work()
+
+    def _take_up_work(self) -> None:
+        self._worker.take_up(_AT_ONCE)
+        self._judge.take_up(_AT_ONCE)
+
+    def _tick_at(self, now: int, stamp: int | None) -> None:
+        if stamp is None:
+            return
+        started = time.perf_counter()
+        logged = self._journal.put(TICK, now, stamp, messages.encode_clock(stamp))
+        produced = self._pipeline.tick(stamp)
+        for topic, data in produced:
+            self._outputs[topic].publish(data)
+        belts = self._pipeline.belts()  # they take longer, and nobody waits for them
+        for topic, data in belts:
+            self._outputs[topic].publish(data)
+        if belts:
+            self._show(stamp, belts)
+        produced += belts
+        self._ticks += 1
+        self._step_times.append(time.perf_counter() - started)
+        if self._journal.log is not None and produced:
+            published = self._now()
+            for topic, data in produced:
+                if logged:
+                    self._journal.put(topic, published, stamp, data)
+                else:  # a replay has no outputs for a tick that is not in the log
+                    self._journal.drop(topic)
+
+    def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
+        """The markers of the wheels whose belts have come, where somebody looks at them."""
+        scale, vehicle = self._pipeline.values["marker_force_scale"], self._pipeline.vehicle
+        shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
+        for index, wheel in enumerate(vehicle.settings.wheels):
+            data = shapes.get(f"{wheel}/ring_shape")
+            if data is not None and self._markers[index].get_subscription_count():
+                load, traction = vehicle.inputs[index].load
+                forces = vehicle.wheels.force_of(index), (traction, load)
+                points = messages.ring_points(data, vehicle.settings.ring_samples)
+                markers = self._marker_builders[index].build(stamp, points, *forces, scale)
+                self._markers[index].publish(markers)
+
+    def _due(self, now: int) -> int | None:
+        """The time to advance to: the latest of the regular instants, one period apart, that has come.
+
+        The instants are tied to the ROS clock when the node starts. The timer that calls runs on the steady
+        clock, which the system's clock does not follow exactly: it is slewed by some parts in ten thousand, so
+        that sooner or later a call comes before the next instant. The instants are then tied anew, an eighth of
+        a period before the call, which keeps the stamps regular until that eighth is used up, and none of them
+        ahead of the clock. A simulated clock has to have come to the next instant. Where a clock is set back,
+        they start anew.
+        """
+        if now == 0:
+            return None  # simulated time before the first /clock
+        if self._time is None or now < self._time:
+            self._time = now
+            return self._time
+        late = now - (self._time + self._period)
+        if late >= 0:
+            missed = late // self._period
+            self._missed += missed
+            self._time += (1 + missed) * self._period
+        elif late > -self._period // 2 and not self._clock_now.ros_time_is_active:
+            self._time = now - self._period // 8
+        else:
+            return None
+        return self._time
+
+    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        if self._active:
+            response.success, response.message = self._journal.switch(request.data)
+        else:
+            response.success, response.message = False, _NOT_ACTIVE
+        return response
+
+    # -- stability and diagnostics --------------------------------------------------------------------------
+
+    def _stability_service(self, index: int) -> Any:
+        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
+            if not self._active:
+                response.success, response.message = False, _NOT_ACTIVE
+                return response
+            vehicle, deferred = self._pipeline.vehicle, Deferred()
+            name = vehicle.settings.wheels[index]
+
+            def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
+                self._unanswered.discard(deferred)
+                response.success = found is not None
+                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                deferred.answer(response)
+
+            if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
+                response.success, response.message = False, _BUSY
+                return response
+            self._unanswered.add(deferred)
+            return deferred
+
+        return reply
+
+    def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
+        state = self._pipeline.vehicle.unit, speed, self._pipeline.vehicle.settings.model
+        return self._judge.ask(state, partial(self._analyst.stability, *state), then)
+
+    def _look_at_a_wheel(self) -> None:
+        if not self._active or self._looking:
+            return
+        index = self._next_wheel
+        self._next_wheel = (index + 1) % len(self._stabilities)
+        vehicle, variations = self._pipeline.vehicle, self._variations
+        speed = vehicle.inputs[index].speed
+        if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
+            speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
+
+        def keep_stability(found: dict[str, Any] | None, error: Exception | None) -> None:
+            self._stabilities[index] = {"verdict": f"unknown: {error}"} if found is None else found
+
+        def keep_variation(found: Any, error: Exception | None) -> None:
+            self._looking = False
+            variations.keep(index, found)
+
+        self._ask_for_stability(speed, keep_stability)
+        work = partial(variation_of, variations.taken(index))
+        self._looking = self._worker.ask(("variation", index), work, keep_variation)
+
+    def _diagnose(self) -> None:
+        if self._active:
+            self._journal.tend()
+        names = self.get_node_names_and_namespaces()
+        self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
+        array = DiagnosticArray()
+        array.header.stamp = self.get_clock().now().to_msg()
+        if self._active:
+            array.status = [self._node_status()]
+            for index in range(len(self._pipeline.vehicle.inputs)):
+                array.status.append(self._wheel_status(index))
+        else:
+            array.status = [self._idle_status()]
+        self._diagnostics.publish(array)
+        now = self._now()
+        if now and self._active:
+            self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+
+    def _idle_status(self) -> DiagnosticStatus:
+        """Of a node that waits for its manager."""
+        _, state = self._state_machine.current_state
+        if self._refusal is None:
+            return self._status("node", DiagnosticStatus.OK, state, {"state": state})
+        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {first_line(self._refusal)}", {"state": state})
+
+    def _node_status(self) -> DiagnosticStatus:
+        times = sorted(self._step_times) or [0.0]
+        self._step_times = []
+        logged, trouble, missing = self._journal.account()
+        values = {
+            "ticks": self._ticks,
+            "ticks missed": self._missed,
+            "clock set back": self._pipeline.vehicle.clock_resets,
+            "messages before the clock": self._before_clock,
+            "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
+            "analyses waiting": self._worker.waiting + self._judge.waiting,
+            "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
+            "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
+            **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
+            **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **logged,
+        }
+        level, summary = DiagnosticStatus.OK, f"{len(self._pipeline.vehicle.inputs)} wheels"
+        if trouble:
+            level, summary = DiagnosticStatus.ERROR, trouble
+        elif missing:
+            level, summary = DiagnosticStatus.WARN, missing
+        if self._namesakes > 0:
+            level = max(level, DiagnosticStatus.WARN)
+            summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
+        return self._status("node", level, summary, values)
+
+    def _not_in_force(self) -> list[str]:
+        values = self._pipeline.values
+        return [name for name, value in self._wanted.items() if value != values[name]]
+
+    def _wheel_status(self, index: int) -> DiagnosticStatus:
+        vehicle = self._pipeline.vehicle
+        estimator = vehicle.inputs[index]
+        reply = self._stabilities[index]
+        verdict = reply.get("verdict", "not yet known")
+        level, summary = DiagnosticStatus.OK, verdict
+        if verdict == "unstable":
+            level = DiagnosticStatus.ERROR
+        elif reply and verdict != "asymptotically stable":
+            level = DiagnosticStatus.WARN
+        ages = dict(zip(("speed", "load"), estimator.ages(), strict=True))
+        stale = []
+        for name, age in ages.items():
+            if age is None:
+                stale.append(f"no {name} yet")
+            elif age > vehicle.settings.input_timeout:
+                stale.append(f"{name} is {age * 1e-9:.3f} s old")
+        if stale:
+            level, summary = DiagnosticStatus.ERROR, "no output: " + ", ".join(stale)
+        values = {
+            "in motion": estimator.running,
+            **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
+            "speed [rad/s]": f"{estimator.speed:.4f}",
+            "load [N]": f"{estimator.load[0]:.1f}",
+            "stability": verdict,
+            "stability at speed [rad/s]": _shown(reply.get("speed_rad_s"), ".4f"),
+            "spectral radius": _shown(reply.get("spectral_radius"), ".6f"),
+            "critical speed [rad/s]": _shown(reply.get("critical_speed_rad_s"), ".2f"),
+            "periodicity": reply.get("periodicity", "not yet known"),
+            "nearest tongue [rad/s]": _shown(reply.get("nearest_tongue_rad_s"), ".2f"),
+            **self._variations.values(index),
+            "stops for stale inputs": estimator.stops,
+            "stops for divergence": estimator.divergences,
+            **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},
+        }
+        return self._status(vehicle.settings.wheels[index], level, summary, values)
+
+    def _status(self, name: str, level: bytes, summary: str, values: dict[str, Any]) -> DiagnosticStatus:
+        return DiagnosticStatus(
+            level=level,
+            name=f"{self.get_name()}: {name}",
+            message=summary,
+            hardware_id=self.get_fully_qualified_name(),
+            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
+        )
+
+    def close(self) -> None:
+        """Finish the log and leave the graph."""
+        self._deactivate()
+        self._end_work()
+        self.destroy_node()
+
+    def _end_work(self) -> None:
+        self._worker.close()
+        self._judge.close()
+        self._analyst.close()
+
+
+def run(stop: Stop) -> None:
+    """The node, in the context that is there, until it is told to stop.
+
+    Parameters
+    ----------
+    stop : Stop
+        Whether to stop; asked several times a second.
+
+    Raises
+    ------
+    InputError
+        The parameters cannot be used.
+    """
+    stop.loaded()
+    try:
+        node = TireDynamicsNode(paced=True)
+    except (ParameterException, NameValidationException, ValueError) as error:
+        raise InputError(first_line(error)) from None
+    sys.setswitchinterval(_SWITCH)
+    try:
+        executor = EventsExecutor()
+        executor.add_node(node)
+        gc.collect()
+        gc.freeze()  # what lives until the end need not be looked at again, tick after tick
+        threading.Thread(target=_wake, args=(executor,), name="wake", daemon=True).start()
+        stop.runs()
+        while not stop():  # docs/real_time.md says why so
+            left = node.until_tick()
+            if left <= 0.0:
+                executor.spin_once(timeout_sec=_LEAST_SPIN)
+            while left > 0.0:
+                executor.spin_once(timeout_sec=left)
+                left = node.until_tick()
+            node.pace()
+    finally:
+        node.close()
+
+
+def _wake(executor: Any) -> None:
+    """End the executor's wait now and then.
+
+    Where it was built for an old C library, it waits for a moment of the system's time: when that is set back by an
+    hour, and no message comes, it would wait for an hour.
+    """
+    while True:
+        time.sleep(_WAKE)
+        executor.create_task(int)
+
+
+def _shown(value: float | None, form: str) -> str:
+    return "none" if value is None else format(value, form)
+
+
+def _message_class(msgtype: str) -> Any:
+    from importlib import import_module
+
+    package, _, name = msgtype.split("/")
+    return getattr(import_module(f"{package}.msg"), name)
