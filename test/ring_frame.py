@@ -7,18 +7,10 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tire_dynamics.science import nonuniform, rotating_excitation, wheel
+from tire_dynamics.science import nonuniform, wheel
 from tire_dynamics.science.nonuniform import Nonuniformity
 
 STANDING = 1e-6  # rad/s; a slower spin is taken as this, for so short a time that nothing shows
-
-
-def contact_load(unit, load, phi):
-    """The load with run-out: the tread's radius where it touches, the angle 3 pi/2 - phi on the ring."""
-    if load <= 0.0:
-        return load
-    radius = sum(r * math.cos(j * (1.5 * math.pi - phi - chi)) for j, r, chi in unit.radial_runout)
-    return load + rotating_excitation.contact_stiffness(unit) * radius
 
 
 def euler(unit, sidewall, model):
@@ -66,7 +58,7 @@ def integrate(unit, model, time, speed, force, start, phi=0.0, rtol=1e-13):
             spin = math.copysign(max(abs(spin), STANDING), spin)
             load, traction = np.asarray(force[k]) + t / length * (np.asarray(force[k + 1]) - force[k])
             A = nonuniform.state_matrix(unit, sidewall, spin, angle / spin, model) + rate * euler_terms
-            forces = push @ [contact_load(unit, load, angle), traction]
+            forces = push @ [load, traction]
             return A @ z + wheel.rotation(angle, spin, model, held) @ forces + centrifugal * spin**2
 
         z = wheel.rotation(begin, speed[k], model, held) @ states[-1]

@@ -43,7 +43,27 @@ for extra in ({}, {"tire.radial_runout": [1.0, 5e-4, 0.3], **varying}, {"tire.lo
         pipeline.receive("right/load_force", now, messages.encode_float64(float(random.uniform(3e3, 5e3))))
         for topic, data in pipeline.tick(now) + pipeline.belts():
             bits.update(topic.encode() + data)
+damped = {"tire.residual_damping": 60.0, "tire.longitudinal_stiffness": 2e5}
+for extra in ({"tire.radial_runout": [1.0, 5e-4, 0.3]}, damped):
+    pipeline = Pipeline({
+        "wheels": ["left", "right"], "ring_samples": 5, "n_max": 4, "load_source": "road", "static_loads": [4e3, 3e3],
+        "tire.vertical_stiffness": 2e5, "tire.contact_half_angle": 0.15, "tire.sprung_mass": 350.0, **extra,
+    })
+    for k in range(1, 30):
+        now = k * 2_000_000
+        if k % 5 == 1:
+            pipeline.receive("joint_states", now, joints.encode(now, random.uniform(50.0, 90.0, 2).tolist()))
+        for wheel in ("left", "right"):
+            height = messages.encode_float64(float(random.normal(0.0, 0.02)))
+            pipeline.receive(f"{wheel}/road_height", now - 300_000, height)
+        for topic, data in pipeline.tick(now) + pipeline.belts():
+            bits.update(topic.encode() + data)
 time = np.arange(0.0, 0.05, 1e-3)
+road = simulate(
+    TireWheelUnit.table_1(zeta_s=0.3, contact_half_angle=0.15, vertical_stiffness=2e5), time, 60.0 + 100.0 * time,
+    road=0.02 * np.sin(90.0 * time), static_load=4000.0, n_max=4, contact_points=5,
+)
+bits.update(road.axle_force.tobytes() + road.contact_force.tobytes())
 axle = simulate(TireWheelUnit.table_1(zeta_s=0.3), time, 60.0 + 100.0 * time, 4000.0 + 300.0 * np.sin(40.0 * time))
 bits.update(axle.axle_force.tobytes())
 print(build_state.is_compiled(), bits.hexdigest())

@@ -221,7 +221,7 @@ def test_speed_ramp(damping, start, rate, finer):
 VARYING = {
     "radial_nonuniformity": [(1, 0.1, 0.3), (2, 0.3, 0.4)], "tangential_nonuniformity": [(2, 0.1, 1.7)],
     "imbalance_mass": 0.08, "imbalance_angle": 0.7,
-    "radial_runout": [(1, 8e-4, 0.3), (3, 2e-4, -1.0)], "contact_stiffness": 2.0e5,
+    "radial_runout": [(1, 8e-4, 0.3), (3, 2e-4, -1.0)],
 }  # fmt: skip
 FORE_AFT = {"longitudinal_stiffness": 2.0e5, "longitudinal_damping_ratio": 0.1, "longitudinal_mass": 20.0}
 TIRES = {"uniform": {}, "gives": FORE_AFT, "varying": VARYING, "varying, gives": {**VARYING, **FORE_AFT}}

@@ -575,7 +575,7 @@ def test_the_yaml_is_a_unit_and_marks_what_is_assumed(tmp_path, capsys):
     for line, (name, source) in zip(fields, sources.items(), strict=True):
         assert line.startswith(f"{name}: ") and line.endswith(f"{source.reason}")
         assert ("# assumed: " in line) == (source.kind == "assumed") == (f"  {name} " in err)
-    assert out == "" and "7 fields from the file, 2 given, 19 assumed" in err
+    assert out == "" and "7 fields from the file, 2 given, 18 assumed" in err
     assert all(f"note: {note}" in err for note in notes) and str(tmp_path) not in output.read_text()
 
 

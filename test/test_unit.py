@@ -21,7 +21,7 @@ from tire_dynamics.files.yaml_file import read_yaml, yaml_number
 FIELDS = [field.name for field in dataclasses.fields(TireWheelUnit)]
 RATIOS = ["zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio"]
 NOT_NEGATIVE = [
-    "longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", "residual_damping",
+    "longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "residual_damping",
     "sprung_mass",
 ]  # fmt: skip
 HARMONICS = ["radial_nonuniformity", "tangential_nonuniformity", "radial_runout"]
@@ -63,7 +63,7 @@ def test_fields():
         "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness", "zeta_1", "zeta_s",
         "zeta_n", "contact_half_angle", "sidewall_damping", "longitudinal_stiffness", "longitudinal_damping_ratio",
         "longitudinal_mass", "radial_nonuniformity", "tangential_nonuniformity", "imbalance_mass", "imbalance_angle",
-        "radial_runout", "contact_stiffness", "vertical_stiffness", "residual_damping", "sprung_mass",
+        "radial_runout", "vertical_stiffness", "residual_damping", "sprung_mass",
     ]  # fmt: skip
 
 
@@ -178,7 +178,7 @@ def test_harmonics_as_one_row_of_numbers():
 
 def test_what_is_uniform():
     assert TABLE_1.is_uniform and TABLE_1.mean is TABLE_1
-    assert TABLE_1.replace(radial_runout=[(1, 0.0, 0.3)], imbalance_angle=1.0, contact_stiffness=1e5).is_uniform
+    assert TABLE_1.replace(radial_runout=[(1, 0.0, 0.3)], imbalance_angle=1.0).is_uniform
     for changes in ({"imbalance_mass": 0.1}, *({name: [(2, 1e-3, 0.0)]} for name in HARMONICS)):
         unit = TABLE_1.replace(**changes)
         assert not unit.is_uniform and unit.mean == TABLE_1

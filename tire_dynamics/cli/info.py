@@ -157,7 +157,7 @@ def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, s
 
 
 def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force"))
+    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:

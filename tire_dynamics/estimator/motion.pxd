@@ -9,7 +9,6 @@ cdef class Motion:
     cdef Py_ssize_t half
     cdef Py_ssize_t pairs
     cdef Py_ssize_t harmonics
-    cdef Py_ssize_t runouts
     cdef bint rotating
     cdef bint varying
     cdef bint held
@@ -25,7 +24,6 @@ cdef class Motion:
     cdef double[::1] net
     cdef double[::1] spring
     cdef double[::1] imbalance
-    cdef double[::1] runout
     cdef double[::1] sizes
     cdef double[::1] wheel_x
     cdef double[::1] output

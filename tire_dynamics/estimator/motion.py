@@ -3,7 +3,7 @@
 
 In the fixed frame, with the speed Omega, the load and the traction linear over a step of length h, tau = t/h,
 
-    dz/dtau = h [C + Omega S + Omega' E] z + h B [load + run-out, traction] + h imbalance
+    dz/dtau = h [C + Omega S + Omega' E] z + h B [load, traction] + h imbalance
               - h M^-1 N^T kappa exp(2 i phi) conj(N q)
 
 (:mod:`.rotating_excitation`; E makes the Euler terms of the complete model). Everything in it is an entire
@@ -130,14 +130,13 @@ class Motion:
         self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
         n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
-        self.runouts = len(parts.runout)
         self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
-        self.harmonics, self.highest = max(self.runouts, 2), parts.highest
+        self.harmonics, self.highest = 2, parts.highest
         # of the accelerations alone: the displacements' rows only say that their rates are the velocities
         self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
         self.input, self.imbalance = _flat(parts.input[:half]), _flat(parts.imbalance[:half])
         self.pull, self.net = _flat(parts.system[:half, n:]), _flat(parts.seen[:, half:])
-        self.spring, self.runout, self.sizes = _flat(parts.spring), _flat(parts.runout), _flat(parts.sizes)
+        self.spring, self.sizes = _flat(parts.spring), _flat(parts.sizes)
         self.wheel_x = _flat(parts.wheel_x)
         self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
         self.matrix, self.between = _zeros(self.wheels * half * n), _zeros(half * n)
@@ -528,11 +527,6 @@ class Motion:
                     self.sines[j] = s
             pressed = load if k == 0 else load_change if k == 1 else 0.0
             pushed = traction if k == 0 else traction_change if k == 1 else 0.0
-            if load > 0.0:
-                for j in range(self.runouts):
-                    pressed = pressed + (
-                        self.runout[2 * j] * self.cosines[j] + self.runout[2 * j + 1] * self.sines[j]
-                    )
             # Omega^2 exp(i phi)
             square = speed * speed
             c = square * self.cosines[0]

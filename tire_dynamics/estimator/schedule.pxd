@@ -24,6 +24,7 @@ cdef class Schedule:
     cdef public double speed
     cdef public double load
     cdef public double traction
+    cdef public double load_after
     cdef public double angle
 
     cdef void forget(self, Py_ssize_t wheel) noexcept nogil
@@ -34,6 +35,7 @@ cdef class Schedule:
     cdef long long expiry(self, Py_ssize_t wheel) noexcept nogil
     cdef int may_start(self, Py_ssize_t wheel, long long moment) noexcept nogil
     cdef void start(self, Py_ssize_t wheel) noexcept nogil
+    cdef double newest_load(self, Py_ssize_t wheel) noexcept nogil
     cdef double angle_at(self, Py_ssize_t wheel, long long moment, bint again) noexcept nogil
     cdef int begin(self, Py_ssize_t wheel, long long stamp) noexcept nogil
     cdef int proceed(self, Py_ssize_t wheel, long long stamp) noexcept nogil

@@ -26,7 +26,7 @@ __all__ = ["FOREVER", "OUTCOMES", "Schedule"]
 
 OUTCOMES = (
     "taken", "late", "repeated", "out of order", "not finite",
-    "no stamp", "in the future", "speed too high", "load too high", "off the ground", "joint twice",
+    "no stamp", "in the future", "speed too high", "load too high", "off the ground", "joint twice", "road jumps",
 )  # fmt: skip
 """What becomes of a sample; those from ``no stamp`` on are counted by :class:`.vehicle.Vehicle`."""
 
@@ -37,7 +37,7 @@ _LATE = cython.declare(cython.int, 1)
 _REPEATED = cython.declare(cython.int, 2)
 _OUT_OF_ORDER = cython.declare(cython.int, 3)
 _NOT_FINITE = cython.declare(cython.int, 4)
-_KINDS = cython.declare(cython.Py_ssize_t, 11)  # of outcomes
+_KINDS = cython.declare(cython.Py_ssize_t, 12)  # of outcomes
 _STEP = cython.declare(cython.int, 1)
 _START = cython.declare(cython.int, 2)
 _ASK = cython.declare(cython.int, 4)
@@ -78,6 +78,10 @@ class Schedule:
     nothing extrapolated. A wheel is set in motion, from equilibrium, at the first moment at which both are known and
     neither is older than the timeout. When one of them becomes older it stops; it starts again by the same rule.
 
+    On the road the height under the wheel [m] stands in the place of the load, and goes along a line: from what it was
+    at the beginning of a step to the sample in force at its end. A wheel starts on a road of the height that it then
+    has; only what changes from there on acts.
+
     Times are int64 nanoseconds; speeds [rad/s] and angles [rad], loads and tractions [N].
     """
 
@@ -100,7 +104,7 @@ class Schedule:
         self.waiting_stamp = _integers(2 * wheels * self.room)
         self.waiting_values = np.zeros(4 * wheels * self.room).data
         self.length = 0
-        self.speed = self.load = self.traction = 0.0
+        self.speed = self.load = self.traction = self.load_after = 0.0
         self.angle = math.nan
 
     @cython.cfunc
@@ -308,8 +312,9 @@ class Schedule:
         -------
         int
             Flags, in this order: STEP, the wheel is to be moved by ``length`` [ns] under ``speed``, ``load`` and
-            ``traction``, at whose beginning its angle is ``angle`` unless that is NaN; START (or ASK), it is to be
-            set in motion by :meth:`start`; DONE, the time has been reached.
+            ``traction``, at whose beginning its angle is ``angle`` unless that is NaN, and at whose end the load in
+            force is ``load_after``; START (or ASK), it is to be set in motion by :meth:`start`; DONE, the time has
+            been reached.
         """
         at: cython.Py_ssize_t = 2 * wheel
         moment: cython.longlong = stamp
@@ -328,6 +333,9 @@ class Schedule:
                 self.speed = self.values[2 * at]
                 self.load = self.values[2 * at + 2]
                 self.traction = self.values[2 * at + 3]
+                self.load_after = self.load
+                if self.waiting[at + 1] and self.waiting_stamp[(at + 1) * self.room] == moment:
+                    self.load_after = self.waiting_values[2 * (at + 1) * self.room]
                 self.angle = self.angle_at(wheel, self.cursor[wheel], False)
                 flags = _STEP
         self.cursor[wheel] = moment
@@ -344,6 +352,16 @@ class Schedule:
         if not self.running[wheel]:
             flags |= self.may_start(wheel, moment)
         return flags
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def newest_load(self, wheel: cython.Py_ssize_t) -> cython.double:
+        """The load of the newest sample, in force or waiting; NaN before there is one."""
+        at: cython.Py_ssize_t = 2 * wheel + 1
+        if self.waiting[at]:
+            return self.waiting_values[2 * (at * self.room + self.waiting[at] - 1)]
+        return self.values[2 * at] if self.has[at] else _NAN
 
     # -- what can be read -----------------------------------------------------------------------------------
 

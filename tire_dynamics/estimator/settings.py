@@ -25,6 +25,8 @@ class VehicleSettings:
     input_timeout: int = 200_000_000
     max_speed: float = 1000.0
     max_load: float = 200e3
+    static_loads: tuple[float, ...] | None = None  # on the road [N]; None: loads are given
+    max_road_step: float = 0.25
 
 
 def check_wheel(index: int, count: int) -> None:

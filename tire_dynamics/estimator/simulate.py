@@ -12,8 +12,9 @@ from ..science import rotating_excitation, wheel
 from ..science.modes import RingModes
 from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
-from .belt import belt_numbers, shape_basis
+from .belt import BeltMotion, belt_numbers, shape_basis
 from .motion import Motion
+from .road_motion import RoadMotion, on_the_road, under_the_belt
 
 __all__ = ["Response", "simulate"]
 
@@ -37,6 +38,10 @@ class Response:
         [x, z] of the ring's centre of mass from its unloaded place [m].
     u_z, u_theta : ndarray, shape (N, P), or None
         Radial and tangential deflection of the belt relative to the wheel centre at the angles psi [m].
+    contact_force : ndarray, shape (N,)
+        The vertical contact force on the tire, up: on the road the answer, under a given load that load [N].
+    body_displacement : ndarray, shape (N,), or None
+        Of the sprung mass from where it stands at the start, up [m]; None where the body is held.
     """
 
     time: FloatArray
@@ -45,21 +50,27 @@ class Response:
     ring_centre: FloatArray
     u_z: FloatArray | None = None
     u_theta: FloatArray | None = None
+    contact_force: FloatArray | None = None
+    body_displacement: FloatArray | None = None
 
 
 def simulate(
     unit: TireWheelUnit,
     time: ArrayLike,
     speed: ArrayLike,
-    load: ArrayLike,
+    load: ArrayLike | None = None,
     traction: ArrayLike | None = None,
     initial: Literal["equilibrium", "rest"] = "equilibrium",
     n_max: int = 30,
     psi: ArrayLike | None = None,
     model: wheel.Model = "inextensional",
     angle: float = 0.0,
+    *,
+    road: ArrayLike | None = None,
+    static_load: float | None = None,
+    contact_points: int = 1,
 ) -> Response:
-    """The unit's motion under given speed, load and traction.
+    """The unit's motion under given speed, load and traction, or on a road.
 
     Parameters
     ----------
@@ -79,6 +90,14 @@ def simulate(
     model : {"inextensional", "complete"}
     angle : float
         Of the wheel at the first sample [rad]; only a tire that is not the same all around asks for it.
+    road : array_like, shape (N,) or scalar, optional
+        In place of ``load``: height of the road under the wheel, up positive, linear between samples [m]. Only what
+        differs from the first one matters.
+    static_load : float, optional
+        With ``road``: what the tire carries at the first sample, at rest on the road or rolling steadily, > 0 [N].
+    contact_points : int
+        With ``road``: how many points along the patch touch it. Under each lies the height that the wheel has, or had,
+        where it is itself, so that more than one ask for a speed that does not change its sign.
 
     Returns
     -------
@@ -94,6 +113,10 @@ def simulate(
     The step is exact for a speed, a load and a traction that are linear over it. That holds for the n = 1 motion with
     the wheel and for each other mode of the belt, n = 2..n_max, and n = 0 in the complete model; their sum is the
     deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
+
+    On the road the step is exact but for the contact force, linear over 2.5 ms at the most, and for the speed, held at
+    its mean over these: third order, in a speed that varies second. Run-out and imbalance act there; what of the
+    sidewall varies is left out.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():
@@ -101,6 +124,17 @@ def simulate(
     if not (np.diff(t) > 0.0).all():
         raise ValueError(f"time must ascend; it does not after sample {int(np.argmin(np.diff(t) > 0.0))}")
     omega = _series("speed", speed, t.size)
+    if (load is None) == (road is None) or (road is None) != (static_load is None):
+        raise ValueError("either load, or road and static_load must be given")
+    if road is not None and static_load is not None:
+        if initial != "equilibrium":
+            raise ValueError(f"initial is {initial!r}; on the road it must be 'equilibrium'")
+        pull = _series("traction", 0.0 if traction is None else traction, t.size)
+        height = _series("road", road, t.size)
+        return _on_the_road(unit, t, omega, height, pull, float(static_load), contact_points, n_max, psi, model, angle)
+    if contact_points != 1:
+        raise ValueError(f"contact_points is {contact_points!r}; it must be 1 under a given load")
+    assert load is not None
     force = np.stack(
         [_series("load", load, t.size), _series("traction", 0.0 if traction is None else traction, t.size)], axis=1
     )
@@ -133,7 +167,66 @@ def simulate(
         ring_centre=wheel.ring_centre(states, model) * [-1.0, 1.0],  # the paper's X is -x_ros
         u_z=u_z,
         u_theta=u_theta,
+        contact_force=force[:, 0].copy(),
     )
+
+
+def _on_the_road(
+    unit: TireWheelUnit,
+    t: FloatArray,
+    omega: FloatArray,
+    height: FloatArray,
+    pull: FloatArray,
+    static_load: float,
+    points: int,
+    n_max: int,
+    psi: ArrayLike | None,
+    model: wheel.Model,
+    angle: float,
+) -> Response:
+    """:func:`simulate` on the road."""
+    motion = Motion(on_the_road(unit), model, 1)
+    belt = BeltMotion(under_the_belt(unit), model, n_max, 1, [0.0] if psi is None else psi)
+    road = RoadMotion(unit, motion, belt, [static_load], points)
+    road.put(0, float(omega[0]), angle, float(height[0]))
+    heights = _under_the_points(unit, road.angles_of_points(), t, omega, height)
+    shapes: list[FloatArray] = []
+    if psi is None:
+        states, axle, contact, body = road.follow_lines(t, omega, heights, pull)
+    else:
+        rows = []
+        for k in range(t.size):
+            some = slice(max(k - 1, 0), k + 1)
+            rows.append([each[-1] for each in road.follow_lines(t[some], omega[some], heights[some], pull[some])])
+            shapes.append(road.deflection(0))
+        states, axle, contact, body = (np.array(each) for each in zip(*rows, strict=True))
+    return Response(
+        time=t,
+        axle_force=axle,
+        wheel_displacement=wheel.wheel_displacement(states, model)[0],
+        ring_centre=wheel.ring_centre(states, model) * [-1.0, 1.0],
+        u_z=np.array([shape[0] for shape in shapes]) if shapes else None,
+        u_theta=np.array([shape[1] for shape in shapes]) if shapes else None,
+        contact_force=contact,
+        body_displacement=body if unit.sprung_mass else None,
+    )
+
+
+def _under_the_points(
+    unit: TireWheelUnit, angles: FloatArray, t: FloatArray, omega: FloatArray, height: FloatArray
+) -> FloatArray:
+    """The road's height under each point, shape (N, P); beta < 0 lies forward. Beyond the ends it goes on level."""
+    if angles.size == 1:
+        return height[:, None].copy()
+    steps = 0.5 * unit.radius * (omega[1:] + omega[:-1]) * np.diff(t)
+    if not ((omega >= 0.0).all() or (omega <= 0.0).all()):
+        raise ValueError("speed changes its sign; with more than one of contact_points it must not")
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    forward = way[-1] >= 0.0
+    known, heights = (way, height) if forward else (way[::-1], height[::-1])
+    if not steps.any():
+        return np.repeat(height[:, None], angles.size, axis=1)
+    return np.stack([np.interp(way - unit.radius * np.sin(beta), known, heights) for beta in angles], axis=1)
 
 
 def _series(name: str, value: ArrayLike, size: int) -> FloatArray:

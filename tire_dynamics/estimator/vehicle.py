@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..science import nonuniform, wheel
+from ..science.floquet import FloquetResult
 from ..science.unit import TireWheelUnit
 from .settings import VehicleSettings
 from .wheels import Wheels
@@ -40,7 +41,7 @@ class WheelInputs:
     """What is known of the inputs of one wheel; times in ns."""
 
     def __init__(self, wheels: Wheels, index: int) -> None:
-        self._schedule, self._index = wheels.schedule, index
+        self._wheels, self._schedule, self._index = wheels, wheels.schedule, index
 
     @property
     def running(self) -> bool:
@@ -69,8 +70,13 @@ class WheelInputs:
 
     @property
     def load(self) -> tuple[float, float]:
-        """Vertical load and traction in force [N]."""
-        return self._schedule.load_of(self._index)
+        """Vertical load and traction [N]: in force, or on the road as the contact has them."""
+        return self._wheels.load_of(self._index)
+
+    @property
+    def height(self) -> float | None:
+        """The road's height in force [m]; None where loads are given."""
+        return self._wheels.height_of(self._index)
 
     def ages(self) -> tuple[int | None, int | None]:
         """Ages [ns] of the speed and of the load in force, None where there is none."""
@@ -157,6 +163,10 @@ class Vehicle:
         """The spin of one wheel [rad/s], as of its receipt."""
         self.wheels.add_speed(index, received, received, speed)
 
+    def road_height(self, index: int, received: int, height: float) -> None:
+        """The road's height under one wheel [m], as of its receipt."""
+        self.wheels.add_height(index, received, received, height)
+
     def load(self, index: int, received: int, stamp: int, load: float, traction: float) -> None:
         """The contact force on one tire: vertical, up positive, and along x_ros [N]."""
         self.wheels.add_load(index, received, stamp, load, traction)
@@ -200,6 +210,9 @@ class Vehicle:
             the speed to 1 rad/s, and 20 rad/s for less, and to remember the reply.
         """
         name, speed = self.settings.wheels[index], self.inputs[index].speed
+        if self.wheels.on_road:
+            settings = self.settings
+            return stability_reply(name, self.unit, speed, settings.model, settings.n_max, contact=True)
         if not quick or self.unit.is_uniform:
             return stability_reply(name, self.unit, speed, self.settings.model)
         if speed:
@@ -221,11 +234,40 @@ def _remembered_reply(unit: TireWheelUnit, speed: float, model: wheel.Model) -> 
 
 
 def stability_reply(
-    name: str, unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional", n_max: int = 1
+    name: str,
+    unit: TireWheelUnit,
+    speed: float,
+    model: wheel.Model = "inextensional",
+    n_max: int = 1,
+    contact: bool = False,
 ) -> dict[str, Any]:
-    """The Floquet stability of a unit at a speed [rad/s], of modes up to ``n_max``, as the service's JSON has it."""
+    """The Floquet stability of a unit at a speed [rad/s], of modes up to ``n_max``, as the service's JSON has it.
+
+    With ``contact`` on the road, without lift-off, of the mean tire: what varies of the sidewall does not act there.
+    """
+    if contact:
+        found = wheel.stability(unit.mean, speed, model, contact=True, n_max=n_max)
+        critical = wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max)
+        return _reply(name, speed, found, critical, contact=True, periodicity="reducible", tongue=None)
     sidewall = nonuniform.Nonuniformity.of(unit)
     result = nonuniform.stability(unit, sidewall, speed, model, n_max)
+    return _reply(
+        name, speed, result, wheel.critical_speed(unit, model), contact=False,
+        periodicity="irreducible" if nonuniform.is_irreducibly_periodic(unit, model, n_max) else "reducible",
+        tongue=nonuniform.nearest_tongue(unit, sidewall, speed, model),
+    )  # fmt: skip
+
+
+def _reply(
+    name: str,
+    speed: float,
+    result: FloquetResult,
+    critical: float | None,
+    *,
+    contact: bool,
+    periodicity: str,
+    tongue: float | None,
+) -> dict[str, Any]:
     multipliers = result.multipliers
     return {
         "wheel": name,
@@ -235,7 +277,8 @@ def stability_reply(
         "spectral_radius": result.spectral_radius,
         "multipliers": None if multipliers is None else [[mu.real, mu.imag] for mu in multipliers.tolist()],
         "exponents_1_s": [[value.real, value.imag] for value in result.exponents.tolist()],
-        "critical_speed_rad_s": wheel.critical_speed(unit, model),
-        "periodicity": "irreducible" if nonuniform.is_irreducibly_periodic(unit, model, n_max) else "reducible",
-        "nearest_tongue_rad_s": nonuniform.nearest_tongue(unit, sidewall, speed, model),
+        "critical_speed_rad_s": critical,
+        "periodicity": periodicity,
+        "nearest_tongue_rad_s": tongue,
+        "contact": contact,
     }

@@ -2,6 +2,7 @@
 
 from .belt cimport BeltMotion
 from .motion cimport Motion
+from .road_motion cimport RoadMotion
 from .schedule cimport Schedule
 
 cdef class Wheels:
@@ -10,6 +11,10 @@ cdef class Wheels:
     cdef readonly Schedule schedule
     cdef readonly Motion motion
     cdef readonly BeltMotion belt
+    cdef readonly RoadMotion road
+    cdef readonly bint on_road
+    cdef Py_ssize_t n_max
+    cdef double max_road_step
     cdef readonly long long clock_resets
     cdef bint has_time
     cdef long long now
@@ -34,6 +39,11 @@ cdef class Wheels:
     cdef void take_load(
         self, Py_ssize_t wheel, long long received, long long stamp, double load, double traction
     ) noexcept nogil
+    cdef void take_height(
+        self, Py_ssize_t wheel, long long received, long long stamp, double height
+    ) noexcept nogil
+    cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef void deflect(self, Py_ssize_t wheel) noexcept nogil
     cdef void go_to(self, long long stamp) noexcept nogil
     cdef void follow(self, Py_ssize_t wheel, long long stamp) noexcept nogil
     cdef void start_if(self, Py_ssize_t wheel, int flags) noexcept nogil

@@ -6,12 +6,13 @@ from __future__ import annotations
 import math
 import operator
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, SupportsIndex
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import rotating_excitation, wheel
+from ..science import contact, rotating_excitation, wheel
 from ..science.unit import TireWheelUnit
 from .settings import VehicleSettings, check_wheel
 
@@ -22,13 +23,16 @@ except ImportError:
 if cython.compiled:
     from cython.cimports.tire_dynamics.estimator.belt import BeltMotion
     from cython.cimports.tire_dynamics.estimator.motion import Motion
+    from cython.cimports.tire_dynamics.estimator.road_motion import RoadMotion
     from cython.cimports.tire_dynamics.estimator.schedule import Schedule
 else:
     from .belt import BeltMotion
     from .motion import Motion
+    from .road_motion import RoadMotion
     from .schedule import Schedule
 
 from .belt import ring_angles
+from .road_motion import on_the_road, under_the_belt
 
 __all__ = ["Wheels"]
 
@@ -38,7 +42,7 @@ _START = cython.declare(cython.int, 2)  # flags of Schedule.proceed
 _STEP = cython.declare(cython.int, 1)
 _ASK = cython.declare(cython.int, 4)
 _DONE = cython.declare(cython.int, 8)
-_OUTCOMES = cython.declare(cython.Py_ssize_t, 11)  # places in Schedule.counts
+_OUTCOMES = cython.declare(cython.Py_ssize_t, 12)  # places in Schedule.counts
 _ORDERS = cython.declare(cython.Py_ssize_t, 16384)  # samples of a wheel that may wait to be taken
 _FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
 _APART = cython.declare(cython.double, 2.0 * math.pi / 200.0)  # [rad] at least from one sample to the next
@@ -48,6 +52,14 @@ _SPEED_TOO_HIGH = cython.declare(cython.Py_ssize_t, 7)
 _LOAD_TOO_HIGH = cython.declare(cython.Py_ssize_t, 8)
 _OFF_THE_GROUND = cython.declare(cython.Py_ssize_t, 9)
 _JOINT_TWICE = cython.declare(cython.Py_ssize_t, 10)
+_ROAD_JUMPS = cython.declare(cython.Py_ssize_t, 11)
+_HIGHEST_ROAD = cython.declare(cython.double, 1e5)  # [m], either way
+
+
+@lru_cache(maxsize=1024)
+def _is_unstable_on_the_road(unit: TireWheelUnit, speed: float, model: wheel.Model, n_max: int) -> bool:
+    """By the rad/s: it takes some tens of milliseconds."""
+    return contact.stability(unit, speed, model, n_max).verdict == "unstable"
 
 
 @cython.cclass
@@ -72,6 +84,9 @@ class Wheels:
     ``load too high``      load or traction beyond ``max_load``: refused
     ``off the ground``     a negative load: taken as zero, the road cannot pull
     ``joint twice``        a joint that one JointState lists twice: the first is taken
+    ``road jumps``         a height that differs from the one before by more than ``max_road_step`` while the wheel
+                           is in motion, or is beyond 1e5 m: left out. When no other has come for the timeout the
+                           wheel stops, and starts again, at rest, on the road as it then is
     =====================  ==================================================================================
 
     A unit that is driven beyond its stability limit grows without bound. Once any velocity or displacement exceeds
@@ -83,9 +98,19 @@ class Wheels:
         count = len(settings.wheels)
         self.count, self.model = count, settings.model
         self.schedule = Schedule(count, settings.input_timeout)
-        self.motion = Motion(settings.unit, settings.model, count)
         psi = ring_angles(settings.ring_samples)
-        self.belt = BeltMotion(settings.unit, settings.model, settings.n_max, count, psi)
+        self.on_road = settings.static_loads is not None
+        road: Any = None
+        if settings.static_loads is not None:
+            self.motion = Motion(on_the_road(settings.unit), settings.model, count)
+            self.belt = BeltMotion(under_the_belt(settings.unit), settings.model, settings.n_max, count, psi)
+            road = RoadMotion(settings.unit, self.motion, self.belt, settings.static_loads)
+        else:
+            self.motion = Motion(settings.unit, settings.model, count)
+            self.belt = BeltMotion(settings.unit, settings.model, settings.n_max, count, psi)
+        self.road = road
+        self.n_max = settings.n_max
+        self.max_road_step = settings.max_road_step
         self.clock_resets = 0
         self.has_time, self.now = False, 0
         self.input_timeout = self.schedule.timeout
@@ -103,10 +128,13 @@ class Wheels:
     @property
     def unit(self) -> TireWheelUnit:
         """The tire of every wheel."""
-        return self.motion.unit
+        return self.motion.unit if self.road is None else self.road.unit
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire of every wheel from now on; positions and velocities go on as they are."""
+        if self.road is not None:
+            self.road.set_unit(unit)
+            return
         self.motion.set_unit(unit)
         self.belt.set_unit(unit)
 
@@ -120,8 +148,11 @@ class Wheels:
     def _forget(self) -> None:
         for w in range(self.count):
             self.schedule.forget(w)
-            self.motion.reset(w)
-            self.belt.reset(w)
+            if self.road is not None:
+                self.road.put(w, 0.0, 0.0, 0.0)
+            else:
+                self.motion.reset(w)
+                self.belt.reset(w)
 
     # -- samples --------------------------------------------------------------------------------------------
 
@@ -190,6 +221,32 @@ class Wheels:
         outcome = self.schedule.put(wheel, _LOAD, stamp if stamp != 0 else received, load, traction)
         self.schedule.counts[wheel * _OUTCOMES + outcome] += 1
 
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_height(
+        self, wheel: cython.Py_ssize_t, received: cython.longlong, stamp: cython.longlong, height: cython.double
+    ) -> cython.void:
+        """A sample of the road's height under the wheel, up positive [m]."""
+        outcome: cython.int
+        before: cython.double = self.schedule.newest_load(wheel)
+        if not self.stamped(wheel, received, stamp):
+            return
+        if abs(height) > _HIGHEST_ROAD or (
+            self.schedule.running[wheel] and abs(height - before) > self.max_road_step
+        ):
+            self.schedule.counts[wheel * _OUTCOMES + _ROAD_JUMPS] += 1
+            return
+        if self.schedule.is_full(wheel, _LOAD):
+            with cython.gil:
+                self.schedule.grow()
+        outcome = self.schedule.put(wheel, _LOAD, stamp if stamp != 0 else received, height, 0.0)
+        self.schedule.counts[wheel * _OUTCOMES + outcome] += 1
+
+    def add_height(self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, height: float) -> None:
+        """Take a sample of the road's height under the wheel, up positive [m]; times in ns."""
+        self.take_height(wheel, received, stamp, height)
+
     def add_speed(
         self, wheel: int, received: SupportsIndex, stamp: SupportsIndex, speed: float, angle: float = math.nan
     ) -> None:
@@ -221,15 +278,23 @@ class Wheels:
                 self._start(wheel, bool(flags & _ASK))
 
     def _start(self, index: int, has_diverged: bool) -> None:
-        if has_diverged and wheel.is_unstable(self.unit, self.schedule.speed_of(index), self.model):
+        if has_diverged and self._is_unstable(self.schedule.speed_of(index)):
             return
         self.schedule.start(index)
         speed, load, traction = self.schedule.speed, self.schedule.load, self.schedule.traction
         angle = 0.0 if math.isnan(self.schedule.angle) else self.schedule.angle
+        if self.road is not None:
+            self.road.put(index, speed, angle, load)
+            return
         with np.errstate(all="ignore"):  # a unit that is no tire may have no finite state, and has diverged then
             state = rotating_excitation.steady_state(self.unit, speed, load, traction, angle, self.model)
         self.motion.put(index, state, speed, angle)
         self.belt.start(index, speed, load, traction)
+
+    def _is_unstable(self, speed: float) -> bool:
+        if self.road is None:
+            return wheel.is_unstable(self.unit, speed, self.model)
+        return _is_unstable_on_the_road(self.unit.mean, float(round(speed)), self.model, self.n_max)
 
     @cython.cfunc
     @cython.nogil
@@ -240,7 +305,12 @@ class Wheels:
         self.start_if(wheel, flags)
         while True:
             flags = self.schedule.proceed(wheel, stamp)
-            if flags & _STEP:
+            if flags & _STEP and self.on_road:
+                self.road.drive_on(
+                    wheel, self.schedule.length * 1e-9, self.schedule.speed, self.schedule.load_after,
+                    self.schedule.angle,
+                )  # fmt: skip
+            elif flags & _STEP:
                 self.motion.step(
                     wheel, self.schedule.length * 1e-9, self.schedule.speed, 0.0, self.schedule.load,
                     self.schedule.traction, 0.0, 0.0, self.schedule.angle,
@@ -278,7 +348,7 @@ class Wheels:
             self.turn[w] = turn
             self.has_turn[w] = 1
             self.follow(w, stamp)
-            if not self.motion.read(w, self.schedule.values[4 * w] if self.schedule.has[2 * w] else 0.0):
+            if not self.read(w, self.schedule.values[4 * w] if self.schedule.has[2 * w] else 0.0):
                 if self.schedule.running[w]:
                     self.schedule.running[w] = 0
                     self.schedule.diverged[w] = 1
@@ -286,6 +356,28 @@ class Wheels:
             self.force[2 * w], self.force[2 * w + 1] = self.motion.force_x, self.motion.force_z
             if self.is_noting and self.schedule.running[w]:
                 self.note_order(w)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def read(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
+        """The axle's force into ``motion``; whether the state is bounded."""
+        if self.on_road:
+            return self.road.read(wheel, speed)
+        return self.motion.read(wheel, speed)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def deflect(self, wheel: cython.Py_ssize_t) -> cython.void:
+        """A belt's deflection into ``belt.shape``."""
+        if self.on_road:
+            self.road.show(wheel)
+        self.belt.deflect(wheel, self.motion)
+
+    def _deflection(self, wheel: int) -> NDArray[np.float64]:
+        self.deflect(wheel)
+        return np.array(self.belt.shape).reshape(2, -1)
 
     @cython.cfunc
     @cython.nogil
@@ -320,7 +412,7 @@ class Wheels:
 
     def due_belts(self) -> list[tuple[int, Any]]:
         """Index and deflection (2, P) [m] of belts that are due at the last tick and have not been asked for."""
-        return [(w, self.belt.deflection(w, self.motion)) for w in range(self.count) if self.is_due(w)]
+        return [(w, self._deflection(w)) for w in range(self.count) if self.is_due(w)]
 
     def note_orders(self) -> None:
         """Keep, from now on, the angle and the vertical force of wheels that turn; :meth:`noted_orders` takes them."""
@@ -341,6 +433,18 @@ class Wheels:
         check_wheel(wheel, self.count)
         return self.force[2 * wheel], self.force[2 * wheel + 1]
 
+    def load_of(self, wheel: int) -> tuple[float, float]:
+        """The contact force on the tire (z, x) [N]: as it was given, or on the road at the last tick."""
+        if self.road is None:
+            return self.schedule.load_of(wheel)
+        return self.road.contact_of(wheel), 0.0
+
+    def height_of(self, wheel: int) -> float | None:
+        """The road's height in force under a wheel [m]; None where loads are given or before there is one."""
+        if self.road is None or not self.schedule.has[2 * wheel + 1]:
+            return None
+        return self.schedule.load_of(wheel)[0]
+
     @property
     def time(self) -> int | None:
         """The last tick [ns]."""
@@ -350,10 +454,15 @@ class Wheels:
         """Everything that later outputs depend on, in JSON's types."""
         turns = [self.turn[w] if self.has_turn[w] else None for w in range(self.count)]
         wheels = [
-            {**self.schedule.snapshot(w), **self.motion.snapshot(w), "belt": self.belt.snapshot(w)}
+            {**self.schedule.snapshot(w), **self.motion.snapshot(w), **self._belt_snapshot(w)}
             for w in range(self.count)
         ]
         return {"time": self.time, "ring_turns": turns, "wheels": wheels}
+
+    def _belt_snapshot(self, wheel: int) -> dict[str, Any]:
+        if self.road is not None:
+            return {"road": self.road.snapshot(wheel)}
+        return {"belt": self.belt.snapshot(wheel)}
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over a :meth:`snapshot` of wheels with the same settings."""
@@ -367,4 +476,7 @@ class Wheels:
         for w, state in enumerate(states):
             self.schedule.restore(w, state)
             self.motion.restore(w, state)
-            self.belt.restore(w, state["belt"])
+            if self.road is not None:
+                self.road.restore(w, state["road"])
+            else:
+                self.belt.restore(w, state["belt"])

@@ -19,6 +19,7 @@ __all__ = ["first_reasons", "hint", "reasons"]
 
 _FIRST = 500  # messages of a topic that are looked at before a replay
 _MOST_NAMES = 30  # joints that are listed
+_HEIGHT = "what a road height may be"
 _JOINTS = "joint_states"
 
 _OTHER_CLOCK = "stamps and times of receipt are of different clocks"
@@ -56,14 +57,16 @@ class _Tally:
     def __init__(
         self, values: Mapping[str, Any], names: Mapping[str, str], wheels: Iterable[str], with_values: bool
     ) -> None:
-        self._values, self._with_values = values, with_values
+        self._values, self._with_values = {**values, _HEIGHT: 1e5}, with_values
+        on_road = values["load_source"] == "road"
+        self._named = {"speed": "speed", "load": "road height" if on_road else "load"}
         self._timeout = round(1e9 * values["input_timeout_s"])
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
         self.sources = {(wheel, what): _Source() for wheel in wheels for what in ("speed", "load")}
         self.joint_names: dict[str, None] = {}  # in the order of their coming
         self.topics = {names[_JOINTS]: (_JOINTS, "")}
         for wheel in dict.fromkeys(wheel for wheel, _ in self.sources):
-            for what in ("wheel_speed", "load", "load_force"):
+            for what in ("wheel_speed", "road_height") if on_road else ("wheel_speed", "load", "load_force"):
                 self.topics[names[f"{wheel}/{what}"]] = what, wheel
         self._decoder = messages.JointStateDecoder()
 
@@ -77,9 +80,11 @@ class _Tally:
             self._take((wheel, "load"), log_time, stamp, valid, np.stack([fz, fx], axis=1), "max_load_n")
         else:
             valid, number = messages.decode_float64s(data, start, size)
-            key, bound = (
-                ((wheel, "speed"), "max_speed_rad_s") if what == "wheel_speed" else ((wheel, "load"), "max_load_n")
-            )
+            key, bound = {
+                "wheel_speed": ((wheel, "speed"), "max_speed_rad_s"),
+                "load_force": ((wheel, "load"), "max_load_n"),
+                "road_height": ((wheel, "load"), _HEIGHT),
+            }[what]
             self._take(key, log_time, log_time, valid, number[:, None], bound)
 
     def _joint_states(self, log_time: NDArray[np.int64], data: bytes, start: Any, size: Any) -> None:
@@ -137,13 +142,14 @@ class _Tally:
         for what in ("speed", "load"):
             source = self.sources[wheel, what]
             if not source.messages:
-                return f"there is no message of its {what}"
+                return f"there is no message of its {self._named[what]}"
             if not source.outcomes[_TAKEN]:
                 return self._why(wheel, what, source)
-        return "its speed and its load were never fresh at the same time" if complete else None
+        return f"its speed and its {self._named['load']} were never fresh at the same time" if complete else None
 
     def _why(self, wheel: str, what: str, source: _Source) -> str:
         outcome, count = source.outcomes.most_common(1)[0]
+        what = self._named[what]
         if outcome == "no joint" and len(source.outcomes) > 1:  # others' joints are nothing wrong
             outcome, count = source.outcomes.most_common(2)[1]
         if outcome == "no joint":
@@ -193,7 +199,7 @@ def first_reasons(reader: BagReader, values: Mapping[str, Any], names: Mapping[s
             some = []
         if not some:  # nothing is known
             for name in [wheel] if wheel else values["wheels"]:
-                source = tally.sources[name, "load" if what.startswith("load") else "speed"]
+                source = tally.sources[name, "speed" if what in (_JOINTS, "wheel_speed") else "load"]
                 source.messages += 1
                 source.add(_TAKEN, 1)
             continue

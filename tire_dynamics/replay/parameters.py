@@ -14,6 +14,7 @@ from typing import Any, Literal
 from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
+from ..science.contact_step import ContactPoints
 from ..science.unit import HARMONICS, ROAD, TireWheelUnit
 
 __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
@@ -100,11 +101,10 @@ _TIRE_UNITS = {
     "tangential_nonuniformity": "likewise k_theta",
     "imbalance_mass": "a mass on the belt that is too much [kg]",
     "imbalance_angle": "where on the tire it is [rad]",
-    "radial_runout": "how much farther out the tread is: harmonic, amplitude [m] and angle [rad] of each harmonic",
+    "radial_runout": "how much farther out the tread is, on the road: harmonic, amplitude [m], angle [rad] of each",
     "vertical_stiffness": "of the whole tire on the road, wheel held, K_v [N/m]; 0: a rigid tread",
     "residual_damping": "damper beside the tread's residual spring, c_c [N s/m]",
     "sprung_mass": "what stands on this wheel's suspension on the road [kg]; 0: the body is held",
-    "contact_stiffness": "by which run-out changes the load [N/m]; 0: the tire's own at rest",
     "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
 }
 
@@ -115,7 +115,7 @@ def _tire_parameters() -> tuple[Parameter, ...]:
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
         if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness", *ROAD):
+        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", *ROAD):
             row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
         elif name == "imbalance_angle":
             row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
@@ -140,6 +140,9 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
     Parameter("model", "string", "inextensional", "of the belt", choices=("inextensional", "complete")),
+    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
+    Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
+    Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
@@ -219,9 +222,27 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     if whole["ring_rate_hz"] > whole["rate_hz"]:
         raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
     unit = unit_of(whole)
+    if whole["load_source"] == "road":
+        _check_road(whole, unit)
     for name in HARMONICS:  # without those of no amplitude
         whole[f"tire.{name}"] = tuple(float(number) for each in getattr(unit, name) for number in each)
     return whole
+
+
+def _check_road(values: Mapping[str, Any], unit: TireWheelUnit) -> None:
+    loads = values["static_loads"]
+    if len(loads) != len(values["wheels"]):
+        raise ValueError(
+            f"static_loads has {len(loads)} entries; with load_source 'road' it must have one for each of"
+            f" {len(values['wheels'])} wheels"
+        )
+    for load in loads:
+        if not 0.0 < load <= values["max_load_n"]:
+            raise ValueError(f"static_loads has {load!r}; each must be > 0 and at most max_load_n")
+    try:
+        ContactPoints(unit, 1, values["model"], values["n_max"])
+    except ValueError as error:
+        raise ValueError(f"tire.{error}") from None
 
 
 def _suggestion(name: str) -> str:
@@ -255,6 +276,8 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
         input_timeout=round(1e9 * values["input_timeout_s"]),
         max_speed=values["max_speed_rad_s"],
         max_load=values["max_load_n"],
+        static_loads=tuple(values["static_loads"]) if values["load_source"] == "road" else None,
+        max_road_step=values["max_road_step_m"],
     )
 
 

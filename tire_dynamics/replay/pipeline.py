@@ -31,11 +31,14 @@ LOG_RECORD = "~/log_record"
 """In logs only: what a replay needs beside the inputs, as JSON (std_msgs/String)."""
 
 
-def input_types(wheels: tuple[str, ...]) -> dict[str, str]:
+def input_types(wheels: tuple[str, ...], load_source: str = "topic") -> dict[str, str]:
     """Relative names and types of the inputs of these wheels."""
     types = {"joint_states": messages.JOINT_STATE}
     for wheel in wheels:
         types[f"{wheel}/wheel_speed"] = messages.FLOAT64
+        if load_source == "road":
+            types[f"{wheel}/road_height"] = messages.FLOAT64
+            continue
         types[f"{wheel}/load"] = messages.WRENCH_STAMPED
         types[f"{wheel}/load_force"] = messages.FLOAT64
     return types
@@ -91,7 +94,7 @@ class Pipeline:
         self.values = complete(values)
         settings = vehicle_settings(self.values)
         self.vehicle = Vehicle(settings)
-        self.inputs = input_types(settings.wheels)
+        self.inputs = input_types(settings.wheels, self.values["load_source"])
         self.outputs = {
             f"{wheel}/{name}": kind
             for wheel in settings.wheels
@@ -99,6 +102,7 @@ class Pipeline:
                 ("axle_wrench", messages.WRENCH_STAMPED),
                 ("ring_deflection", messages.FLOAT64_MULTI_ARRAY),
                 ("ring_shape", messages.POINT_CLOUD),
+                *((("contact_load", messages.WRENCH_STAMPED),) if self.vehicle.wheels.on_road else ()),
             )
         }
         self._stream = MessageStream(

@@ -160,7 +160,7 @@ def plan(
             values = complete({**values, "joint_names": _joint_names(values, joints)})
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
-    return Plan(values, _names(reader, values["wheels"], log, remaps), log)
+    return Plan(values, _names(reader, values["wheels"], values["load_source"], log, remaps), log)
 
 
 def check(reader: BagReader, how: Plan) -> dict[str, str]:
@@ -322,7 +322,8 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
         hint = "--config can give joint_names as they stand in joint_states"
     else:
         hint = "--config can give a longer input_timeout_s"
-    return f"no wheel ever had a speed and a load that were both fresh; {hint}; the bag has {seen}{outcomes}"
+    what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"
 
 
 # -- what the bag holds -----------------------------------------------------------------------------------------
@@ -370,8 +371,8 @@ def log_record(data: bytes) -> dict[str, Any]:
 
 
 def _wheels(reader: BagReader, remaps: Mapping[str, str]) -> list[str]:
-    """The wheels that the bag's load topics name: front_left of /car/front_left/load; and those that ``remaps`` do."""
-    kinds = {"load": messages.WRENCH_STAMPED, "load_force": messages.FLOAT64}
+    """The wheels that the bag's load or road topics name, front_left of /car/front_left/load, or ``remaps`` do."""
+    kinds = {"load": messages.WRENCH_STAMPED, "load_force": messages.FLOAT64, "road_height": messages.FLOAT64}
     parts = {name: name.split("/") for name in reader.topics}
     wheels = [part[-2] for name, part in parts.items() if len(part) > 2 and reader.topics[name] == kinds.get(part[-1])]
     wheels += [wheel for wheel, _, name in (topic.rpartition("/") for topic in remaps) if wheel and name in kinds]
@@ -405,12 +406,16 @@ def _load_of(reader: BagReader, name: str) -> str:
 
 
 def _names(
-    reader: BagReader, wheels: tuple[str, ...], log: Mapping[str, Any] | None, remaps: Mapping[str, str]
+    reader: BagReader,
+    wheels: tuple[str, ...],
+    load_source: str,
+    log: Mapping[str, Any] | None,
+    remaps: Mapping[str, str],
 ) -> dict[str, str]:
     """Full names in the bag by the relative names of all topics."""
     node = f"/{NODE_NAME}"
     names = {TICK: f"{node}/tick", LOG_RECORD: f"{node}/log_record"}
-    types = input_types(wheels)
+    types = input_types(wheels, load_source)
     for topic, name in remaps.items():
         if topic not in types:
             raise InputError(f"--remap: {topic} is no input; the inputs are {', '.join(types)}")
@@ -432,17 +437,19 @@ def _names(
         names[topic] = found[0] if found else f"/{topic}"
         if found and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
+    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
+    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
     for wheel in wheels:
-        loads = [topic for topic in (f"{wheel}/load", f"{wheel}/load_force") if names[topic] in reader.topics]
+        loads = [topic for kind in kinds if names[topic := f"{wheel}/{kind}"] in reader.topics]
         if not loads:
             present = _listed(reader.topics)
             raise InputError(
-                f"{reader.path}: has no topic {wheel}/load or {wheel}/load_force; if it has another name there: "
-                f"--remap {wheel}/load:=/its/name; its topics: {present}"
+                f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
+                f"name there: --remap {wheel}/{kinds[0]}:=/its/name; its topics: {present}"
             )
         ending = loads[0].removeprefix(wheel)
         beside = names[loads[0]].removesuffix(ending) if names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in ("axle_wrench", "ring_deflection", "ring_shape"):
+        for output in outputs:
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
@@ -568,4 +575,4 @@ def _up_to_multiple(moment: int, period: int) -> int:
 
 
 def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force"))
+    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))

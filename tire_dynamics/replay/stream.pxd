@@ -32,6 +32,9 @@ cdef class MessageStream:
     cdef long long[::1] topic
     cdef Py_ssize_t messages
     cdef Py_ssize_t most
+    cdef bint on_road
+    cdef Py_ssize_t kinds
+    cdef Py_ssize_t results
 
     cdef bint take(
         self, Py_ssize_t topic, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
@@ -47,5 +50,8 @@ cdef class MessageStream:
         self, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
     ) noexcept nogil
     cdef void put_forces(self, long long stamp, Py_ssize_t head) noexcept nogil
+    cdef void put_wrench(
+        self, Py_ssize_t wheel, Py_ssize_t topic, long long stamp, Py_ssize_t head, double x, double z
+    ) noexcept nogil
     cdef void put_belts(self, long long stamp, Py_ssize_t head) noexcept nogil
     cdef void ensure(self) noexcept nogil

@@ -44,7 +44,7 @@ _MESSAGE = cython.declare(cython.int, 5)  # the opcode
 _SECOND = cython.declare(cython.longlong, 1_000_000_000)
 _MAX_JOINT_STATE = cython.declare(cython.Py_ssize_t, 2**20)
 _FIRST = cython.declare(cython.Py_ssize_t, 12)  # where a frame_id stands: encapsulation, stamp
-_OUTCOMES = cython.declare(cython.Py_ssize_t, 11)  # places in Schedule.counts
+_OUTCOMES = cython.declare(cython.Py_ssize_t, 12)  # places in Schedule.counts
 _JOINT_TWICE = cython.declare(cython.Py_ssize_t, 10)
 _NAN = cython.declare(cython.double, float("nan"))
 
@@ -159,17 +159,22 @@ class MessageStream:
     Attributes
     ----------
     inputs : list of str
-        What each input's number stands for: "joint_states", then "wheel_speed", "load" and "load_force" of each wheel.
+        What each input's number stands for: "joint_states", then "wheel_speed", "load" and "load_force" of each wheel;
+        on the road "wheel_speed" and "road_height".
     outputs : list of str
-        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel.
+        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel; on the road "contact_load" too.
     no_velocity : int
         JointStates whose velocities are not one per name, which were refused.
     """
 
     def __init__(self, wheels: Wheels, joints: Sequence[str], frames: Sequence[str], samples: int) -> None:
         self.wheels, self.joints = wheels, tuple(joints)
-        self.inputs = ["joint_states", *("wheel_speed", "load", "load_force") * wheels.count]
-        self.outputs = [*("axle_wrench", "ring_deflection", "ring_shape") * wheels.count]
+        self.on_road = wheels.on_road
+        kinds = ("wheel_speed", "road_height") if self.on_road else ("wheel_speed", "load", "load_force")
+        results = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * self.on_road)
+        self.kinds, self.results = len(kinds), len(results)
+        self.inputs = ["joint_states", *kinds * wheels.count]
+        self.outputs = [*results * wheels.count]
         self.no_velocity = 0
         self._decoder, self._wrench_decoder = messages.JointStateDecoder(), messages.WrenchDecoder()
         self.malformed_counts = np.zeros(len(self.inputs), dtype=np.int64).data
@@ -185,10 +190,10 @@ class MessageStream:
         self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
         self.along = np.stack([sine, cosine], axis=1).reshape(-1).data
         self.radius, self.scale = 0.0, 1.0
-        self.most = len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 3 * _HEAD)
+        self.most = 2 * len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 4 * _HEAD)
         self.out = memoryview(bytearray(2 * self.most))
         self.used = self.messages = 0
-        self.begin, self.topic = (np.zeros(3 * wheels.count, dtype=np.int64).data for _ in range(2))
+        self.begin, self.topic = (np.zeros(4 * wheels.count, dtype=np.int64).data for _ in range(2))
 
     def set_shape(self, radius: float, scale: float) -> None:
         """The belt's radius [m], and by what the deflection in the points of ring_shape is multiplied."""
@@ -221,13 +226,13 @@ class MessageStream:
     ) -> cython.bint:
         """Take a message; whether it was one."""
         valid: cython.int
-        kind: cython.Py_ssize_t = (topic - 1) % 3
+        kind: cython.Py_ssize_t = (topic - 1) % self.kinds
         if topic == 0:
             valid = self.take_joints(received, data, first, size)
-        elif kind == 1:
-            valid = self.take_wrench((topic - 1) // 3, received, data, first, size)
+        elif kind == 1 and not self.on_road:
+            valid = self.take_wrench((topic - 1) // self.kinds, received, data, first, size)
         else:
-            valid = self.take_float((topic - 1) // 3, kind == 2, received, data, first, size)
+            valid = self.take_float((topic - 1) // self.kinds, kind > 0, received, data, first, size)
         if valid < 0:  # not the usual layout
             with cython.gil:
                 valid = self._take_slowly(topic, received, bytes(data[first : first + size]))
@@ -237,7 +242,7 @@ class MessageStream:
 
     def _take_slowly(self, topic: int, received: int, data: bytes) -> bool:
         """A message of any layout, by the decoders of :mod:`.messages`."""
-        wheel, kind = divmod(topic - 1, 3)
+        wheel, kind = divmod(topic - 1, self.kinds)
         try:
             if topic == 0:
                 state = self._decoder.decode(data)
@@ -250,6 +255,8 @@ class MessageStream:
                         self.wheels.count_joint_twice(index)
                     angle = state.positions[place] if has_angles else _NAN
                     self.wheels.add_speed(index, received, state.stamp_ns, state.velocities[place], angle)
+            elif kind and self.on_road:
+                self.wheels.add_height(wheel, received, received, messages.decode_float64(data))
             elif kind == 1:
                 wrench = self._wrench_decoder.decode(data)
                 self.wheels.add_load(wheel, received, wrench.stamp_ns, wrench.fz, wrench.fx)
@@ -281,7 +288,9 @@ class MessageStream:
             value = get_double(data, first + 4)
         else:
             value = _swapped(data, first + 4)
-        if is_load:
+        if is_load and self.on_road:
+            self.wheels.take_height(wheel, received, received, value)
+        elif is_load:
             self.wheels.take_load(wheel, received, received, value, 0.0)
         else:
             self.wheels.take_speed(wheel, received, received, value, _NAN)
@@ -418,25 +427,41 @@ class MessageStream:
     @cython.nogil
     @cython.exceptval(check=False)
     def put_forces(self, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
-        """The axle_wrench of each wheel in motion behind what is in ``out``, with room for a head before each."""
+        """The axle_wrench of each wheel in motion behind what is in ``out``, with room for a head before each.
+
+        On the road each wheel's contact_load comes behind it.
+        """
         w: cython.Py_ssize_t
-        first: cython.Py_ssize_t
-        size: cython.Py_ssize_t
-        at: cython.Py_ssize_t
         for w in range(self.wheels.count):
             if not self.wheels.schedule.running[w]:
                 continue
-            first = self.wrench_at[w]
-            size = self.wrench_at[w + 1] - first
-            at = self.used + head
-            copy(self.out, at, self.wrench, first, size)
-            put_stamp(self.out, at + 4, stamp)
-            put_double(self.out, at + size - 48, self.wheels.force[2 * w])
-            put_double(self.out, at + size - 32, self.wheels.force[2 * w + 1])
-            self.begin[self.messages] = at
-            self.topic[self.messages] = 3 * w
-            self.messages += 1
-            self.used = at + size
+            self.put_wrench(w, self.results * w, stamp, head, self.wheels.force[2 * w], self.wheels.force[2 * w + 1])
+            if self.on_road:
+                self.put_wrench(w, self.results * w + 3, stamp, head, 0.0, self.wheels.road.contact[w])
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_wrench(
+        self,
+        wheel: cython.Py_ssize_t,
+        topic: cython.Py_ssize_t,
+        stamp: cython.longlong,
+        head: cython.Py_ssize_t,
+        x: cython.double,
+        z: cython.double,
+    ) -> cython.void:
+        first: cython.Py_ssize_t = self.wrench_at[wheel]
+        size: cython.Py_ssize_t = self.wrench_at[wheel + 1] - first
+        at: cython.Py_ssize_t = self.used + head
+        copy(self.out, at, self.wrench, first, size)
+        put_stamp(self.out, at + 4, stamp)
+        put_double(self.out, at + size - 48, x)
+        put_double(self.out, at + size - 32, z)
+        self.begin[self.messages] = at
+        self.topic[self.messages] = topic
+        self.messages += 1
+        self.used = at + size
 
     @cython.cfunc
     @cython.nogil
@@ -453,14 +478,14 @@ class MessageStream:
         for w in range(self.wheels.count):
             if not self.wheels.is_due(w):
                 continue
-            self.wheels.belt.deflect(w, self.wheels.motion)
+            self.wheels.deflect(w)
             size = self.deflection.shape[0]
             at = self.used + head
             copy(self.out, at, self.deflection, 0, size)
             for i in range(2 * P):
                 put_double(self.out, at + size - 16 * P + 8 * i, self.wheels.belt.shape[i])
             self.begin[self.messages] = at
-            self.topic[self.messages] = 3 * w + 1
+            self.topic[self.messages] = self.results * w + 1
             self.messages += 1
             self.used = at + size
             size = self.shape_at[w + 1] - self.shape_at[w]
@@ -468,7 +493,7 @@ class MessageStream:
             copy(self.out, at, self.shape, self.shape_at[w], size)
             put_stamp(self.out, at + 4, stamp)
             self.begin[self.messages] = at
-            self.topic[self.messages] = 3 * w + 2
+            self.topic[self.messages] = self.results * w + 2
             self.messages += 1
             self.used = at + size
             at = at + size - 1 - 20 * P
@@ -553,14 +578,14 @@ class MessageStream:
             Where in it the message is; a tick has one too.
         channel, published : ndarray of int, shape (N,)
             Channel and publish time of the event's own record; the log time is that of the receipt. Below 0: none.
-        channels : ndarray of int, shape (3 W,)
-            Channels of the outputs.
+        channels : ndarray of int, shape (R W,)
+            Channels of the outputs, R of each wheel.
 
         Returns
         -------
         records : memoryview
             Each event's message, the outputs of each tick behind it. Good until the next call.
-        starts, counts : ndarray of int, shapes (M,) and (3 W,)
+        starts, counts : ndarray of int, shapes (M,) and (R W,)
             Where the records are; how many there are of each output.
         """
         for stamp in (tick.min(initial=0), tick.max(initial=0)):
@@ -570,8 +595,8 @@ class MessageStream:
         if len(self.out) < wanted:
             self._widen(wanted)
         ticks = int((number == TICKS).sum())
-        starts = np.empty(len(number) + ticks * 3 * self.wheels.count, dtype=np.int64)
-        counts = np.zeros(3 * self.wheels.count, dtype=np.int64)
+        starts = np.empty(len(number) + ticks * self.results * self.wheels.count, dtype=np.int64)
+        counts = np.zeros(self.results * self.wheels.count, dtype=np.int64)
         used = self._run(
             len(number), number.data, received.data, tick.data, memoryview(data),
             start.data, size.data, channel.data, published.data, channels.data,

@@ -27,24 +27,28 @@ _PROGRAM = "from tire_dynamics.ros.analyst import serve; serve()"
 class Analyst:
     """Judges the stability of units, one after the other; called by one thread at a time.
 
-    A uniform unit, which takes a fraction of a millisecond, is judged at once. The process is made when the first one
-    comes that is not, ends with this process whatever ends that, and is made anew where it was ended itself.
+    A uniform unit under given loads, which takes a fraction of a millisecond, is judged at once. The process is made
+    when the first one comes that is not, ends with this process whatever ends that, and is made anew where it was ended
+    itself.
     """
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
         self.stability = lru_cache(maxsize=256)(self._stability)
-        """``stability(unit, speed, model)``: :func:`~tire_dynamics.estimator.vehicle.stability_reply`, remembered."""
+        """``stability(unit, speed, model, n_max, contact)``:
+        :func:`~tire_dynamics.estimator.vehicle.stability_reply`, remembered."""
 
-    def _stability(self, unit: TireWheelUnit, speed: float, model: Model) -> dict[str, Any]:
-        if not unit.is_uniform:
+    def _stability(
+        self, unit: TireWheelUnit, speed: float, model: Model, n_max: int = 1, contact: bool = False
+    ) -> dict[str, Any]:
+        if contact or not unit.is_uniform:
             try:
-                return self._ask(unit, speed, model)
+                return self._ask(unit, speed, model, n_max, contact)
             except (OSError, EOFError, pickle.UnpicklingError):
                 self._end()
                 raise ArithmeticError("the process that computes it has ended") from None
-        return stability_reply("", unit, speed, model)
+        return stability_reply("", unit, speed, model, n_max, contact)
 
     def _ask(self, *request: Any) -> dict[str, Any]:
         if self._process is None:
@@ -85,11 +89,11 @@ def serve() -> None:
     os.nice(_NICE)
     while True:
         try:
-            unit, speed, model = pickle.load(sys.stdin.buffer)
+            request = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
         try:
-            found: Any = stability_reply("", unit, speed, model)
+            found: Any = stability_reply("", *request)
         except (ArithmeticError, ValueError) as error:
             found = str(error)
         with suppress(BrokenPipeError):

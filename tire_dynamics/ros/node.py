@@ -30,6 +30,7 @@ from ..cdr import messages
 from ..files.errors import InputError, first_line
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
+from ..science.unit import TireWheelUnit
 from . import node_parameters
 from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
@@ -48,6 +49,8 @@ _NOT_ACTIVE = "the node is not active"
 _BUSY = "too many requests are waiting; ask again"
 _AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
 _SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
+_NO_RUNOUT = "radial_runout has no effect: the load is given; load_source road has it"
+_NO_VARIATION = "radial_nonuniformity and tangential_nonuniformity have no effect on the road"
 _SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
 
 
@@ -535,7 +538,10 @@ class TireDynamicsNode(LifecycleNode):
         return reply
 
     def _ask_for_stability(self, speed: float, then: Callable[[Any, Exception | None], None]) -> bool:
-        state = self._pipeline.vehicle.unit, speed, self._pipeline.vehicle.settings.model
+        vehicle = self._pipeline.vehicle
+        state: tuple[Any, ...] = vehicle.unit, speed, vehicle.settings.model
+        if vehicle.wheels.on_road:  # to the rad/s: it takes some tens of milliseconds, and is remembered
+            state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _look_at_a_wheel(self) -> None:
@@ -625,7 +631,8 @@ class TireDynamicsNode(LifecycleNode):
             level = DiagnosticStatus.ERROR
         elif reply and verdict != "asymptotically stable":
             level = DiagnosticStatus.WARN
-        ages = dict(zip(("speed", "load"), estimator.ages(), strict=True))
+        on_road = vehicle.wheels.on_road
+        ages = dict(zip(("speed", "road" if on_road else "load"), estimator.ages(), strict=True))
         stale = []
         for name, age in ages.items():
             if age is None:
@@ -638,7 +645,12 @@ class TireDynamicsNode(LifecycleNode):
             "in motion": estimator.running,
             **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
             "speed [rad/s]": f"{estimator.speed:.4f}",
+            "load source": self._pipeline.values["load_source"],
             "load [N]": f"{estimator.load[0]:.1f}",
+            **({"road height [m]": _shown(estimator.height, ".4f")} if on_road else {}),
+            **({"note": _NO_RUNOUT} if vehicle.unit.radial_runout and not on_road else {}),
+            **({"note": _NO_VARIATION} if on_road and _varies(vehicle.unit) else {}),
+            "on the road": reply.get("contact", on_road),
             "stability": verdict,
             "stability at speed [rad/s]": _shown(reply.get("speed_rad_s"), ".4f"),
             "spectral radius": _shown(reply.get("spectral_radius"), ".6f"),
@@ -720,6 +732,10 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
+
+
+def _varies(unit: TireWheelUnit) -> bool:
+    return bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
 
 
 def _shown(value: float | None, form: str) -> str:

@@ -2,11 +2,11 @@
 
 In the fixed frame, phi the wheel's angle, z the states of ``wheel.fixed_frame``,
 
-    z' = (C + Omega S) z + B [load + run-out, traction] + imbalance - M^-1 N^T kappa exp(2 i phi) conj(R),   R = N q,
+    z' = (C + Omega S) z + B [load, traction] + imbalance - M^-1 N^T kappa exp(2 i phi) conj(R),   R = N q,
 
 where R is what the sidewall sees, one complex number for each kind of spring, and kappa = k e exp(2 i chi) how much its
-stiffness differs along and across (``nonuniform``). The imbalance is m_u a Omega^2 at the angle theta_u + phi; run-out
-changes the load by k_c sum_j r_j cos j(psi_0 - phi - chi_j), psi_0 the contact, while there is a load.
+stiffness differs along and across (``nonuniform``). The imbalance is m_u a Omega^2 at the angle theta_u + phi. Run-out
+acts on the road alone, where it is a road that turns with the tire: a load that is given does not ask for it.
 """
 
 from __future__ import annotations
@@ -19,23 +19,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import wheel
-from .coefficients import static_compliance
 from .elementary import cos_sin
 from .nonuniform import Nonuniformity, sidewall
 from .stepping import solve_in_order
 from .unit import TireWheelUnit
 
-__all__ = ["RotatingExcitation", "contact_stiffness", "rotating_excitation", "steady_state"]
+__all__ = ["RotatingExcitation", "rotating_excitation", "steady_state"]
 
 FloatArray = NDArray[np.float64]
 
-_CONTACT = 1.5 * math.pi
-_MODES = 100  # whose static shapes make the contact's deflection
 _FOURTH = 4  # harmonic of the spin that a stiffness of the second makes of its own response
 
 
 class RotatingExcitation(NamedTuple):
-    """The parts of the system in the module's notes, for a unit with n states, p kinds of springs and J harmonics.
+    """The parts of the system in the module's notes, for a unit with n states and p kinds of springs.
 
     Attributes
     ----------
@@ -51,8 +48,6 @@ class RotatingExcitation(NamedTuple):
         kappa, [re, im] [N/m].
     imbalance : ndarray, shape (n + 2 p, 2)
         What cos phi and sin phi bring, over Omega^2.
-    runout : ndarray, shape (J, 2)
-        What cos j phi and sin j phi bring to the load [N].
     sizes : ndarray, shape (4,)
         Norms of C, S, kappa's part and E, displacements times the highest frequency beside velocities [1/s].
     highest : int
@@ -60,7 +55,7 @@ class RotatingExcitation(NamedTuple):
     wheel_x : ndarray, shape (2 p,)
         The force on the wheel along the paper's X is this times g.
     is_rotating : bool
-        Whether there are springs, imbalance or run-out that rotate; of a uniform unit p and J are zero.
+        Whether there are springs or an imbalance that rotate; of a uniform unit p is zero.
     """
 
     system: FloatArray
@@ -69,7 +64,6 @@ class RotatingExcitation(NamedTuple):
     seen: FloatArray
     spring: FloatArray
     imbalance: FloatArray
-    runout: FloatArray
     sizes: FloatArray
     highest: int
     wheel_x: FloatArray
@@ -78,7 +72,7 @@ class RotatingExcitation(NamedTuple):
 
 @lru_cache(maxsize=256)
 def rotating_excitation(unit: TireWheelUnit, model: wheel.Model = "inextensional") -> RotatingExcitation:
-    """The system as stepping needs it, with what turns with a unit that n = 1 or the load could feel.
+    """The system as stepping needs it, with what turns with a unit that n = 1 could feel.
 
     Parameters
     ----------
@@ -101,7 +95,6 @@ def rotating_excitation(unit: TireWheelUnit, model: wheel.Model = "inextensional
     cosine, sine = (float(value) for value in cos_sin(unit.imbalance_angle))
     for row, column in ((0, (cosine, -sine)), (1, (sine, cosine))):  # on X and on Y, cos(theta + phi) and sin
         imbalance[:, row] = size * np.array(column) / masses[row]
-    runout = _runout(unit)
     wide = n + len(net)
     seen = np.zeros((len(net), n))
     seen[:, half:] = net
@@ -120,14 +113,12 @@ def rotating_excitation(unit: TireWheelUnit, model: wheel.Model = "inextensional
         _rounded_up(float(pull.max(initial=0.0) * np.abs(net).sum(axis=1).max(initial=0.0) / scale[-1])),
         _rounded_up(2.0 / stiffest),
     ]
-    highest = max(_FOURTH * bool(spring.size), len(runout), int(imbalance.any()))
-    is_rotating = bool(spring.size or imbalance.any() or runout.any())
-    arrays = [system, spin, forces, seen, spring, rotating, runout, norms := np.array(sizes), along_x]
+    highest = max(_FOURTH * bool(spring.size), int(imbalance.any()))
+    is_rotating = bool(spring.size or imbalance.any())
+    arrays = [system, spin, forces, seen, spring, rotating, norms := np.array(sizes), along_x]
     for array in arrays:
         array.setflags(write=False)
-    return RotatingExcitation(
-        system, spin, forces, seen, spring, rotating, runout, norms, highest, along_x, is_rotating
-    )
+    return RotatingExcitation(system, spin, forces, seen, spring, rotating, norms, highest, along_x, is_rotating)
 
 
 def _rounded_up(size: float) -> float:
@@ -140,35 +131,6 @@ def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     """Their product with its sums in order."""
     total: FloatArray = np.add.reduce(np.ascontiguousarray(matrix.T) * vector[:, None], axis=0)
     return total
-
-
-def _runout(unit: TireWheelUnit) -> FloatArray:
-    """The load's cos j phi and sin j phi, (J, 2) [N]."""
-    some = [harmonic for harmonic in unit.radial_runout if harmonic[1] > 0.0]
-    result = np.zeros((max((j for j, _, _ in some), default=0), 2))
-    stiffness = contact_stiffness(unit)
-    for j, size, angle in some:
-        cosine, sine = cos_sin(j * (_CONTACT - angle))
-        result[j - 1] = stiffness * size * float(cosine), stiffness * size * float(sine)
-    return result
-
-
-def contact_stiffness(unit: TireWheelUnit) -> float:
-    """The unit's ``contact_stiffness``, or in its place the load at which the contact gives way by one unit [N/m].
-
-    Parameters
-    ----------
-    unit : TireWheelUnit
-
-    Returns
-    -------
-    float
-        At rest, the wheel held: 1/k_c = 1/k_1 + sum_n C_n/(pi a b rho h (B_n C_n - A_n^2)), n = 2 to 100, (4.5), each
-        times the square of :func:`.coefficients.contact_patch_factor`.
-    """
-    if unit.contact_stiffness:
-        return unit.contact_stiffness
-    return 1.0 / static_compliance(unit, _MODES)
 
 
 def steady_state(
@@ -205,8 +167,6 @@ def steady_state(
     n = mean.size
     forcing = np.zeros((max(parts.highest, 2), 2, n))  # of cos j phi and of sin j phi
     forcing[0] = speed * speed * parts.imbalance[:n].T
-    if load > 0.0:
-        forcing[: len(parts.runout)] += parts.runout[:, :, None] * parts.input[:n, 0]
     R = _times(parts.seen, mean).reshape(-1, 2)
     a, b = parts.spring[:, 0], parts.spring[:, 1]
     g = np.stack([a * R[:, 0] + b * R[:, 1], b * R[:, 0] - a * R[:, 1]], axis=1)  # kappa conj(R)

@@ -21,7 +21,7 @@ REACTION: Final = "reaction"
 HARMONICS: Final = ("radial_nonuniformity", "tangential_nonuniformity", "radial_runout")
 """The fields that are lists of (harmonic, amplitude, angle)."""
 
-ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_stiffness")
+ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle")
 """The fields of what is not the same all around, and turns with the tire."""
 
 
@@ -29,7 +29,7 @@ ROAD: Final = ("vertical_stiffness", "residual_damping", "sprung_mass")
 """The fields that matter on the road alone, and not under a load that is given."""
 
 _NOT_NEGATIVE: Final = (
-    *("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"),
+    *("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass"),
     *ROAD,
 )
 
@@ -80,10 +80,8 @@ class TireWheelUnit:
     imbalance_mass, imbalance_angle : float
         A mass on the belt, m_u >= 0 [kg], and where, theta_u [rad]; beyond the centrifugal force it is left out.
     radial_runout : sequence of (int, float, float)
-        How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m].
-    contact_stiffness : float
-        By which run-out changes the load, k_c >= 0 [N/m]; 0: the tire's at rest,
-        :func:`.rotating_excitation.contact_stiffness`.
+        How much farther out than its mean the tread is, sum_j r_j cos j(theta - chi_j) [m]. It acts on the road alone,
+        as a road that turns; a load that is given has it, or has not.
     vertical_stiffness : float
         Of the whole tire on the road, wheel held, at rest, K_v >= 0 [N/m]: load over displacement. What the belt and
         its sidewall do not give of it, the residual spring of the tread does. It must be below their own stiffness, to
@@ -123,7 +121,6 @@ class TireWheelUnit:
     imbalance_mass: float = 0.0
     imbalance_angle: float = 0.0
     radial_runout: tuple[Harmonic, ...] = ()
-    contact_stiffness: float = 0.0
     vertical_stiffness: float = 0.0
     residual_damping: float = 0.0
     sprung_mass: float = 0.0
