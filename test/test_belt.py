@@ -362,6 +362,7 @@ print(most_intervals, wheels.belt.room, most_waiting, wheels.belt.waiting.tolist
 """
 
 
+@pytest.mark.slow
 def test_no_queue_grows():
     """Counted in the source as it runs interpreted, whose buffers can be looked at; it is the compiled core's."""
     folder = str(Path(__file__).parents[1])
@@ -374,6 +375,7 @@ def test_no_queue_grows():
     assert 90 < most_waiting <= 102 and most_waiting <= stamps == 128 and stamps_held == 4 * stamps
 
 
+@pytest.mark.slow
 @models
 def test_memory_does_not_grow_with_time(model):
     """Of an estimator whose belt nobody looks at, with inputs that change at every tick, and that stay the same."""

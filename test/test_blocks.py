@@ -24,6 +24,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.bag import reader as reader_module
+from tire_dynamics.bag import records as records_module
 from tire_dynamics.bag.chunks import ChunkWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import (
@@ -255,7 +256,7 @@ def test_blocks_hold_the_messages_in_order(tmp_path_factory, sent, chunk_size, l
     in_order = sorted(expected, key=lambda message: message[1])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reader_module, "_BLOCK", block)
-        patch.setattr(reader_module, "_STEP", step)
+        patch.setattr(records_module, "_STEP", step)
         for path in (folder, mcap_of(folder)):
             reader = BagReader(path)
             assert rows_of(reader.blocks(least=least)) == in_order

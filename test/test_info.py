@@ -177,7 +177,10 @@ def test_a_truncated_bag_is_counted_and_what_helps_helps(tmp_path, percent):
 def test_whether_it_can_be_replayed_is_what_replay_finds(tmp_path, log):
     with BagWriter(tmp_path / "other") as bag:
         bag.write(
-            bag.add_topic("/fl/force", messages.WRENCH_STAMPED), BEGIN, BEGIN, WrenchEncoder("a").encode(1, 0.0, 1.0)
+            bag.add_topic("/fl/force", messages.WRENCH_STAMPED),
+            BEGIN,
+            BEGIN,
+            WrenchEncoder("a").encode(BEGIN, 0.0, 1.0),
         )
         bag.write(bag.add_topic("/fl/omega", messages.FLOAT64), BEGIN, BEGIN, encode_float64(1.0))
     with BagWriter(tmp_path / "speeds") as bag:
@@ -196,7 +199,7 @@ def test_whether_it_can_be_replayed_is_what_replay_finds(tmp_path, log):
     assert "--remap wheel/load:=/fl/force" in why
     remaps = {"wheel/load": "/fl/force", "wheel/wheel_speed": "/fl/omega"}
     replay = info(tmp_path / "other", remaps)["replay"]
-    assert replay == {"possible": True, "wheels": ("wheel",), "inputs": remaps}
+    assert replay == {"possible": True, "wheels": ("wheel",), "inputs": remaps, "without": {}}
 
 
 def test_counts_that_do_not_add_up_are_not_believed(tmp_path):
@@ -310,4 +313,5 @@ def test_names_that_a_terminal_would_obey(tmp_path):
 
 
 def test_what_is_no_bag_says_what_is(tmp_path):
-    assert "a rosbag2 folder or a .mcap file is wanted" in refused("info", written(tmp_path / "a.mcap", "no bag"))
+    said = refused("info", written(tmp_path / "a.mcap", "no bag"))
+    assert "a rosbag2 folder, or a .mcap, .db3 or .bag file is wanted" in said

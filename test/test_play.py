@@ -184,6 +184,19 @@ def test_a_pause_in_the_bag_ends_at_a_signal(listener, tmp_path):
         ended(listener, process)
 
 
+@pytest.mark.parametrize(("options", "gap"), [((), 3 * 31_557_600), (("--max-gap", "5"), 7300)])
+def test_a_long_gap_is_skipped_and_said(listener, tmp_path, options, gap):
+    """As of a recording whose clock was set in between: all of it is played, without years of waiting."""
+    with BagWriter(tmp_path / "bag") as writer:
+        speed = writer.add_topic("/speed", messages.FLOAT64)
+        for number, now in enumerate((BEGIN, BEGIN + STEP, BEGIN + gap * SECOND, BEGIN + gap * SECOND + STEP)):
+            writer.write(speed, now, now, encode_float64(float(number)))
+    with player(tmp_path / "bag", "--wait", "10", *options) as process:
+        said = ended(listener, process)
+    assert f"a gap of {'3.0 years' if gap > 7300 else '2.0 hours'} is skipped" in said and "4 messages" in said
+    listener.until(lambda: [value for _, value in listener.speeds] == [0.0, 1.0, 2.0, 3.0], "the last message")
+
+
 def test_it_begins_without_subscribers_when_the_wait_is_over(listener, tmp_path):
     with BagWriter(tmp_path / "bag") as writer:
         for topic in ("/speed", "/nobody"):

@@ -198,6 +198,7 @@ def million_steps(unit, start, speed, step, keep):
     return np.array(states), np.array(angles)
 
 
+@pytest.mark.slow
 def test_energy_on_a_round_support_over_a_million_steps():
     """E - Omega L, the energy in axes that turn with the tire, where its stiffness stands still (Jacobi's integral).
 
@@ -227,6 +228,7 @@ def test_energy_on_a_round_support_over_a_million_steps():
     assert np.abs(states[-100:]).max() > 0.01  # it still moves
 
 
+@pytest.mark.slow
 def test_multipliers_of_a_held_wheel_over_a_million_steps():
     """What each Floquet mode has of the motion, looked at once a turn, stays where it is on its circle.
 
@@ -430,6 +432,7 @@ def test_a_wheel_turned_further_is_a_tire_mounted_further(shift):
 # -- any unit at all -------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(values=mappings(), speed=st.floats(-1e3, 1e3), model=st.sampled_from(["inextensional", "complete"]))
 def test_any_unit_that_is_accepted_gives_finite_forces_or_none(values, speed, model):

@@ -426,6 +426,7 @@ def test_another_process_has_the_same_bits():
     assert digests(PYTHONHASHSEED="1") == digests_of("this one")
 
 
+@pytest.mark.slow
 @elsewhere
 def test_a_belt_that_stretches_is_the_same_but_for_rounding(machine):
     """The complete model's modes come from LAPACK: on another kind of machine they differ in their last bits."""

@@ -345,6 +345,7 @@ def test_another_tire_for_every_wheel(vehicle):
 # -- snapshot ---------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(ticks=st.integers(0, 60), model=st.sampled_from(["inextensional", "complete"]))
 def test_snapshot_continues_bit_for_bit(ticks, model):

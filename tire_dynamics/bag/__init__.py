@@ -1,4 +1,4 @@
-"""rosbag2 bags (Jazzy, mcap storage), written and read with no ROS: a folder of ``.mcap`` and ``metadata.yaml``."""
+"""Bags with no ROS: those of any recorder are read; rosbag2's are written (Jazzy, ``.mcap`` and ``metadata.yaml``)."""
 
 from .reader import BagReader, Block, Message
 from .writer import BagWriter

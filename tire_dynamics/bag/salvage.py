@@ -25,21 +25,21 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from .chunks import HEAD, heads_at
-from .reader import (
-    _CHUNK,
-    _DAMAGE,
-    _MAX_CHUNK,
-    _MAX_KEPT,
-    _MAX_RECORD,
-    _MESSAGE,
-    _RECORD,
-    _RUN,
-    _chunk_records,
-    _DamageError,
-    _exactly,
-    _one_line,
-    _reading,
-    _records,
+from .records import (
+    CHUNK,
+    DAMAGE,
+    MAX_CHUNK,
+    MAX_KEPT,
+    MAX_RECORD,
+    MESSAGE,
+    RECORD,
+    RUN,
+    DamageError,
+    chunk_records,
+    exactly,
+    message_records,
+    one_line,
+    reading,
 )
 
 __all__ = ["Declared", "Lost", "Messages", "Salvage"]
@@ -47,6 +47,7 @@ __all__ = ["Declared", "Lost", "Messages", "Salvage"]
 _WINDOW = 2**20  # bytes that are searched together
 _CHAIN = 3  # records in a row that are believed where one could be chance
 _MAX_NAME = 1000  # characters of a topic or type
+_MOST_APPENDED = 1000  # bytes behind what is known of a chunk
 _NAMES = (b"", b"lz4", b"zstd")  # of compressions
 # Pieces. Unsure is what is not in a chunk and comes after damage; behind the end of the data only the index is lost.
 _CHUNKED, _UNCHUNKED, _UNSURE, _LOST, _LOST_BEHIND = range(5)
@@ -62,11 +63,11 @@ _KINDS: dict[int, Any] = {
 _LIMITS = np.zeros((2, 256), np.int64)
 _LIMITS[0] = 2**62
 for _code in Opcode:
-    _LIMITS[:, _code] = 4, _MAX_RECORD
+    _LIMITS[:, _code] = 4, MAX_RECORD
 for _code, _least, _most in (
-    (Opcode.MESSAGE, _MESSAGE.size, _MAX_CHUNK),
-    (Opcode.CHUNK, _CHUNK.size + 8, _MAX_CHUNK + 100),
-    (Opcode.MESSAGE_INDEX, 6, _MAX_CHUNK),
+    (Opcode.MESSAGE, MESSAGE.size, MAX_CHUNK),
+    (Opcode.CHUNK, CHUNK.size + 8, MAX_CHUNK + 100),
+    (Opcode.MESSAGE_INDEX, 6, MAX_CHUNK),
     (Opcode.ATTACHMENT, 36, 2**62),
     (Opcode.FOOTER, 20, 20),
     (Opcode.DATA_END, 4, 4),
@@ -108,7 +109,7 @@ class Messages(NamedTuple):
     size: NDArray[np.int64]
 
 
-class _BadChunkError(_DamageError):
+class _BadChunkError(DamageError):
     """A chunk whose lengths fit, and whose content is not to be used."""
 
     def __init__(self, text: str, end: int) -> None:
@@ -122,6 +123,8 @@ class Salvage:
     Parameters
     ----------
     path : Path
+    place : Path, optional
+        Where its bytes are, if they have been unpacked.
 
     Attributes
     ----------
@@ -146,8 +149,9 @@ class Salvage:
         The file cannot be read, or has nothing of an MCAP file.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, place: Path | None = None) -> None:
         self.path = path
+        self._place = place or path
         self.declared: list[Declared] = []
         self.metadata: list[tuple[str, dict[str, str]]] = []
         self.bytes_lost = self.chunks_lost = self.attachments = 0
@@ -164,7 +168,7 @@ class Salvage:
         self._first: dict[tuple[int, int], bytes] = {}  # (opcode, id) to the first schema or channel record
         self._kept = 0
         self._candidates = (0, 0, np.empty(0, np.int64))  # where a record could begin, from and to a place
-        with _reading(path), open(path, "rb") as file:
+        with reading(path), open(self._place, "rb") as file:
             self.size = os.fstat(file.fileno()).st_size
             self._trials = 2**28 + 4 * self.size  # bytes of bad chunks in which to look for records
             self._survey(file)
@@ -176,9 +180,9 @@ class Salvage:
         while position < self.size:
             try:
                 end = self._record(file, position, lost)
-            except _DAMAGE as error:
+            except DAMAGE as error:
                 if lost is None or isinstance(error, _BadChunkError):
-                    self._note(_one_line(error))
+                    self._note(one_line(error))
                 lost = position if lost is None else lost
                 self._sure = False
                 position = self._behind(file, position, error)
@@ -223,33 +227,33 @@ class Salvage:
         return self._next(file, position + 1)
 
     def _record(self, file: BinaryIO, position: int, lost: int | None) -> int:
-        """Take in the record at a place, and where it ends; ``_DAMAGE`` if it is not whole.
+        """Take in the record at a place, and where it ends; ``DAMAGE`` if it is not whole.
 
         ``lost`` is since where all was damaged before it, if it was.
         """
-        head = _at(file, position, _RECORD.size + _CHUNK.size + 16)
+        head = _at(file, position, RECORD.size + CHUNK.size + 16)
         if head.startswith(MCAP0_MAGIC):
             self._ended = 0 < position == self.size - len(MCAP0_MAGIC)
             if lost is not None:
                 self._lose(lost, position)
             return position + len(MCAP0_MAGIC)
         if position == 0:
-            raise _DamageError("it does not begin as an MCAP file")
+            raise DamageError("it does not begin as an MCAP file")
         opcode, end = self._frame(head, position)
-        length = end - position - _RECORD.size
+        length = end - position - RECORD.size
         if opcode == Opcode.CHUNK:
             self._chunk(file, position, end, head, lost)
             return end
         if end > self.size:
-            raise _DamageError("it ends in the middle of a record")
+            raise DamageError("it ends in the middle of a record")
         if opcode == Opcode.ATTACHMENT:
             content = b""
         else:
-            file.seek(position + _RECORD.size)
-            content = _exactly(file, min(length, _MESSAGE.size) if opcode == Opcode.MESSAGE else length)
-        self._check(opcode, content)
+            file.seek(position + RECORD.size)
+            content = exactly(file, min(length, MESSAGE.size) if opcode == Opcode.MESSAGE else length)
+        content = self._check(opcode, content)
         if not self._follows(file, end, 1 if lost is None else _CHAIN):
-            raise _DamageError("a record does not fit")
+            raise DamageError("a record does not fit")
         if lost is not None:
             self._lose(lost, position)
         if opcode in _CHUNKLESS:
@@ -271,7 +275,7 @@ class Salvage:
         elif opcode == Opcode.FOOTER:
             # From where the summary is, not from where it was: bytes may have come or gone before it.
             crc = int.from_bytes(content[16:], "little")
-            if not crc or crc == _crc(file, self._data_end, position + _RECORD.size + 16):
+            if not crc or crc == _crc(file, self._data_end, position + RECORD.size + 16):
                 self._remember(self._summary)
         return end
 
@@ -287,60 +291,53 @@ class Salvage:
             self._unsure.append((opcode, content))
             self._keep(len(content))
         kind, pieces = _UNCHUNKED if self._sure else _UNSURE, self._pieces
-        if pieces and pieces[-3] == kind and pieces[-2] + pieces[-1] == position and pieces[-1] < _RUN:
+        if pieces and pieces[-3] == kind and pieces[-2] + pieces[-1] == position and pieces[-1] < RUN:
             pieces[-1] += end - position
         else:
             pieces.extend((kind, position, end - position))
 
     def _frame(self, head: bytes, position: int) -> tuple[int, int]:
         """Opcode and end of the record that begins with these bytes."""
-        if len(head) < _RECORD.size:
-            raise _DamageError("it ends in the middle of a record")
-        opcode, length = _RECORD.unpack_from(head)
+        if len(head) < RECORD.size:
+            raise DamageError("it ends in the middle of a record")
+        opcode, length = RECORD.unpack_from(head)
         if not _LIMITS[0, opcode] <= length <= _LIMITS[1, opcode]:
-            raise _DamageError("bytes that are no record")
-        return opcode, position + _RECORD.size + length
+            raise DamageError("bytes that are no record")
+        return opcode, position + RECORD.size + length
 
     def _chunk(self, file: BinaryIO, position: int, end: int, head: bytes, lost: int | None) -> None:
         """Take in a chunk, all of it or nothing."""
-        content = head[_RECORD.size :]
-        name_length = _CHUNK.unpack_from(content)[4] if len(content) >= _CHUNK.size else 0
-        fixed = _CHUNK.size + name_length
-        if len(content) < min(fixed + 8, _CHUNK.size + 16) or name_length > 8:
-            raise _DamageError("bytes that are no record")
+        content = head[RECORD.size :]
+        name_length = CHUNK.unpack_from(content)[4] if len(content) >= CHUNK.size else 0
+        fixed = CHUNK.size + name_length
+        if len(content) < min(fixed + 8, CHUNK.size + 16) or name_length > 8:
+            raise DamageError("bytes that are no record")
         stored = int.from_bytes(content[fixed : fixed + 8], "little")
-        if fixed + 8 + stored != end - position - _RECORD.size:
-            raise _DamageError("a chunk's lengths do not fit")
+        appended = end - position - RECORD.size - fixed - 8 - stored
+        if appended and not (0 < appended <= _MOST_APPENDED and self._follows(file, end, _CHAIN)):
+            raise DamageError("a chunk's lengths do not fit")
         if end > self.size:
             raise _BadChunkError("it ends in the middle of a chunk", end)
         found: list[tuple[int, bytes]] = []
         try:
             data = self._read(file, position, end - position)
-            for _, others in _records(data, True):
+            for _, others in message_records(data, True):
                 for opcode, first, after in others:
-                    self._check(opcode, data[first:after])
-                    found.append((opcode, data[first:after]))
+                    found.append((opcode, self._check(opcode, data[first:after])))
             self._remember(found)
-        except _DAMAGE as error:
-            raise _BadChunkError(_one_line(error), end) from None
+        except DAMAGE as error:
+            raise _BadChunkError(one_line(error), end) from None
         if lost is not None:
             self._lose(lost, position)
         self.closed, self._sure, self._chunked = False, True, True
         self._pieces.extend((_CHUNKED, position, end - position))
 
-    def _check(self, opcode: int, content: bytes) -> None:
-        """See that a record's content is of its kind; ``_DAMAGE`` if it is not."""
+    def _check(self, opcode: int, content: bytes) -> bytes:
+        """A record's content without what a later format has appended; ``DAMAGE`` if it is not of its kind."""
         if opcode == Opcode.MESSAGE_INDEX:
-            if int.from_bytes(content[2:6], "little") != len(content) - 6:
-                raise _DamageError("a record does not fit")
-        kind = _KINDS.get(opcode)
-        if kind is None:
-            return
-        record = kind.read(ReadDataStream(io.BytesIO(content)))
-        builder = RecordBuilder()
-        record.write(builder)  # the library takes a text that is cut off for a shorter one
-        if builder.end()[_RECORD.size :] != content:
-            raise _DamageError("a record does not fit")
+            if int.from_bytes(content[2:6], "little") > len(content) - 6:
+                raise DamageError("a record does not fit")
+        return _known_part(opcode, content) if opcode in _KINDS else content
 
     def _remember(self, found: list[tuple[int, bytes]]) -> None:
         """Keep the first record that declares a schema or channel: damage may have taken it from where it is used."""
@@ -351,19 +348,19 @@ class Salvage:
                 self._first[key] = content
 
     def _keep(self, length: int) -> None:
-        if self._kept + length + 100 > _MAX_KEPT:
-            raise _DamageError("it declares more topics and metadata than a bag needs")
+        if self._kept + length + 100 > MAX_KEPT:
+            raise DamageError("it declares more topics and metadata than a bag needs")
         self._kept += length + 100
 
     def _follows(self, file: BinaryIO, position: int, count: int) -> bool:
         """Whether at a place there are the heads of so many records, or the end of the file."""
         for _ in range(count):
-            head = _at(file, position, _RECORD.size)
+            head = _at(file, position, RECORD.size)
             if position == self.size or head.startswith(MCAP0_MAGIC) or head == MCAP0_MAGIC[: len(head)]:
                 return True
             try:
                 _, position = self._frame(head, position)
-            except _DamageError:
+            except DamageError:
                 return False
             if position > self.size:  # the last record, cut off
                 return count == 1
@@ -382,14 +379,14 @@ class Salvage:
         return self.size
 
     def _search(self, file: BinaryIO, first: int) -> tuple[int, int, NDArray[np.int64]]:
-        octets = np.frombuffer(_at(file, first, _WINDOW + _RECORD.size - 1), np.uint8)
-        count = len(octets) - _RECORD.size + 1
+        octets = np.frombuffer(_at(file, first, _WINDOW + RECORD.size - 1), np.uint8)
+        count = len(octets) - RECORD.size + 1
         if count <= 0:
             return first, self.size, np.empty(0, np.int64)
         lengths = np.ndarray(count, "<i8", octets[1:].copy(), strides=(1,))
         places = np.arange(first, first + count)
         least, most = _LIMITS[:, octets[:count]]
-        fits = (least <= lengths) & (lengths <= np.minimum(most, self.size - _RECORD.size - places))
+        fits = (least <= lengths) & (lengths <= np.minimum(most, self.size - RECORD.size - places))
         magic = np.frombuffer(MCAP0_MAGIC, np.uint8)
         fits |= (octets[:count] == magic[0]) & (octets[1 : count + 1] == magic[1]) & (octets[2 : count + 2] == magic[2])
         return first, first + count, places[fits]
@@ -410,10 +407,10 @@ class Salvage:
                 yield Lost(offset, length, kind == _LOST)
                 continue
             try:
-                with open(self.path, "rb") as file:
+                with open(self._place, "rb") as file:
                     data = self._read(file, offset, length)
                 found = list(self._messages(data, state))
-            except (*_DAMAGE, OSError):  # it is being written to, or the disk fails
+            except (*DAMAGE, OSError):  # it is being written to, or the disk fails
                 self.bytes_lost += length
                 self._note("it changed while it was read")
                 yield Lost(offset, length, True)
@@ -424,13 +421,14 @@ class Salvage:
     def _read(self, file: BinaryIO, offset: int, length: int) -> bytes:
         """The records of a chunk or a run."""
         file.seek(offset)
-        data = _exactly(file, length, _MAX_CHUNK + 2 * _RUN)
-        return _chunk_records(memoryview(data)[_RECORD.size :]) if data[0] == Opcode.CHUNK else data
+        data = exactly(file, length, MAX_CHUNK + 2 * RUN)
+        return chunk_records(memoryview(data)[RECORD.size :]) if data[0] == Opcode.CHUNK else data
 
     def _messages(self, data: bytes, state: _State) -> Iterator[Messages]:
-        for places, others in _records(data, False):
+        for places, others in message_records(data, False):
             for opcode, first, after in others:
-                state.declare(opcode, data[first:after])
+                if opcode in _KINDS:
+                    state.declare(opcode, _known_part(opcode, data[first:after]))
             heads = heads_at(data, places)
             if len(heads):
                 numbers, places_of = np.unique(heads["channel"], return_inverse=True)
@@ -441,7 +439,7 @@ class Salvage:
                     heads["publish_time"],
                     data,
                     places + HEAD.itemsize,
-                    heads["length"].astype(np.int64) - _MESSAGE.size,
+                    heads["length"].astype(np.int64) - MESSAGE.size,
                 )
 
 
@@ -506,6 +504,17 @@ class _State:
             self._indices[new] = len(self._declared)
             self._declared.append(new)
         return self._indices[new]
+
+
+def _known_part(opcode: int, content: bytes) -> bytes:
+    """The content of a record up to the last field that is known: others may be appended, and are to be ignored."""
+    record = _KINDS[opcode].read(ReadDataStream(io.BytesIO(content)))
+    builder = RecordBuilder()
+    record.write(builder)  # the library takes a text that is cut off for a shorter one
+    known: bytes = builder.end()[RECORD.size :]
+    if not content.startswith(known):
+        raise DamageError("a record does not fit")
+    return known
 
 
 def _crc(file: BinaryIO, start: int, end: int) -> int:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import sys
 import tempfile
@@ -17,7 +18,7 @@ from ..files.errors import InputError
 from ..files.progress import Progress
 from ..replay.jobs import Failure, workers
 from ..replay.parameters import read_config
-from ..replay.replay import remaps_of, replay
+from ..replay.replay import joints_of, remaps_of, replay
 from .answer import answer, printable
 
 __all__ = ["run"]
@@ -31,15 +32,18 @@ class _Task(NamedTuple):
     staging: str
     config: str | None
     remaps: dict[str, str]
+    joints: dict[str, str]
+    clock: str | None
 
 
 class _Done(NamedTuple):
-    """The bag as it was written, its messages in and out, and what is wrong with the source."""
+    """The bag as it was written, its messages in and out, what is wrong with the source, and wheels without outputs."""
 
     folder: str
     received: int
     written: int
     damage: str
+    without: dict[str, str]
 
 
 def run(options: argparse.Namespace) -> int:
@@ -53,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
     Returns
     -------
     int
-        How many bags could not be replayed; all others have been.
+        How many bags could not be replayed, or have a wheel without outputs; all others have been.
 
     Raises
     ------
@@ -64,16 +68,19 @@ def run(options: argparse.Namespace) -> int:
     outputs = _outputs(options.input, directory, force=options.force)
     if options.config:
         read_config(options.config)  # what is wrong with it is said once
-    remaps = remaps_of(options.remap)
+    remaps, joints = remaps_of(options.remap), joints_of(options.joint)
     with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
         config = os.path.abspath(options.config) if options.config else None
-        tasks = [_Task(os.path.abspath(source), output.name, staging, config, remaps) for source, output in outputs]
+        tasks = [
+            _Task(os.path.abspath(source), output.name, staging, config, remaps, joints, options.clock)
+            for source, output in outputs
+        ]
         with closing(pool.each(_replay_one, tasks)) as results:
             bags = _collect(results, outputs, force=options.force, quiet=options.quiet)
     done = sum(bag["error"] is None for bag in bags)
     summary = f"{directory}: {done} of {len(outputs)} bags replayed"
     answer(options, {"output": str(directory), "replayed": done, "failed": len(bags) - done, "bags": bags}, summary)
-    return len(outputs) - done
+    return len(outputs) - done + sum(bool(bag["without"]) for bag in bags)
 
 
 def _outputs(sources: Sequence[str], directory: Path, *, force: bool) -> list[tuple[str, Path]]:
@@ -83,7 +90,7 @@ def _outputs(sources: Sequence[str], directory: Path, *, force: bool) -> list[tu
     for source in sources:
         if (place := Path(source).resolve()) in given:
             raise InputError(f"{given[place]} and {source} are the same bag")
-        name = Path(os.path.abspath(source)).name.removesuffix(".mcap")
+        name = re.sub(r"(\.mcap|\.db3|\.bag)?(\.zstd?)?$", "", Path(os.path.abspath(source)).name, count=1)
         if not name:
             raise InputError(f"{source}: has no name that its output could have")
         if (output := directory / name) in outputs:
@@ -120,9 +127,17 @@ def _staging(directory: Path) -> Iterator[str]:
 def _replay_one(task: _Task) -> _Done:
     """Replay into a new folder within the staging; a second attempt, where the first was lost, has another."""
     own = tempfile.mkdtemp(dir=task.staging)
-    summary = replay(task.source, Path(own) / task.name, config=task.config, quiet=True, remaps=task.remaps)
+    summary = replay(
+        task.source,
+        Path(own) / task.name,
+        config=task.config,
+        quiet=True,
+        remaps=task.remaps,
+        joints=task.joints,
+        clock=task.clock,
+    )
     received, written = (sum(counts.values()) for counts in (summary.received, summary.written))
-    return _Done(str(Path(own) / task.name), received, written, summary.damage)
+    return _Done(str(Path(own) / task.name), received, written, summary.damage, summary.without)
 
 
 def _collect(
@@ -141,7 +156,7 @@ def _collect(
                 reason = result.reason.replace(os.path.abspath(source), source).removeprefix(f"{source}: ")
                 reason = reason.replace(os.path.join(os.getcwd(), ""), "")  # of what stands beside it
                 print(printable(f"tire-dynamics: {source}: {reason}"), file=sys.stderr)
-                bags[number] = {**bag, "output": None, "damage": None, "error": reason}
+                bags[number] = {**bag, "output": None, "damage": None, "without": {}, "error": reason}
             else:
                 messages += result.received + result.written
                 if result.damage:
@@ -149,8 +164,11 @@ def _collect(
                         printable(f"{source} is damaged: {result.damage}; what stands before was replayed"),
                         file=sys.stderr,
                     )
+                for wheel, reason in result.without.items():
+                    print(printable(f"{source}: {wheel}: no output; {reason}"), file=sys.stderr)
                 counts = {"received": result.received, "written": result.written}
-                bags[number] = {**bag, **counts, "damage": result.damage or None, "error": None}
+                said = {"damage": result.damage or None, "without": result.without, "error": None}
+                bags[number] = {**bag, **counts, **said}
             shown.advance(1, messages)
     return [bags[number] for number in sorted(bags)]
 

@@ -1,4 +1,4 @@
-"""``tire-dynamics figures``: the figures of Huang & Hsu (1992) and four kinds of our own, with their numbers.
+"""``tire-dynamics figures``: the figures of Huang & Hsu (1992) and more of our own, with their numbers.
 
 The numbers come from ``tables``, the pictures from ``drawings``; a figure is a function of the same name in
 each. Both are imported where they are needed: the command line loads this package for its options.
@@ -19,6 +19,7 @@ __all__ = ["FIGURES", "add_arguments", "figures", "run"]
 FIGURES = (
     *("fig3", "fig4", "fig5", "fig6", "fig7a", "fig7b"),
     *("fig6_damping", "fig7_damping", "campbell", "multipliers", "tongues"),
+    *("load_or_road", "cleat", "force_variation"),
 )
 
 
@@ -32,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """
     parser.description = (
         "Redraws Figures 3 to 7 of Huang and Hsu (1992) from Table 1, and draws the same with dashpots that react "
-        "on the wheel, a Campbell diagram, the Floquet multipliers and the tongues of a sidewall that is not uniform: "
-        "each as PNG, with its numbers beside it as CSV."
+        "on the wheel, a Campbell diagram, the Floquet multipliers, the tongues of a sidewall that is not uniform, "
+        "and a tire on the road, each as PNG, with its numbers beside it as CSV."
     )
     parser.add_argument("-o", "--output", metavar="DIR", required=True, help="the folder to write into")
     parser.add_argument("--force", action="store_true", help="write into DIR even if it holds something")

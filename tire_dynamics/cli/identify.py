@@ -128,13 +128,13 @@ def run(options: argparse.Namespace) -> int:
 
     from ..bag import BagReader
     from ..estimator.identification import identify
-    from ..replay.replay import plan, remaps_of
+    from ..replay.replay import joints_of, plan, remaps_of
 
     is_tir = bool(options.start) and Path(options.start).suffix.lower() == ".tir"
     if not is_tir and (options.wheel_mass is not None or options.suspension_stiffness is not None):
         raise InputError("--wheel-mass and --suspension-stiffness belong to a --start that is a .tir")
-    reader = BagReader(options.input)
-    how = plan(reader, None if is_tir else options.start, remaps_of(options.remap))
+    reader = BagReader(options.input, options.clock)
+    how = plan(reader, None if is_tir else options.start, remaps_of(options.remap), joints_of(options.joint))
     start = _start(options, how, is_tir)
     recording, notes = read(reader, how, options)
     try:

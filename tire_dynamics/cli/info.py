@@ -1,6 +1,7 @@
 """``tire-dynamics info``: what is in a bag, whether it is whole, and whether it can be replayed.
 
-A bag that is whole is not read for it: its index says all but what a log's own records say, and these are few.
+A bag that is whole is not read for it: its index says all but what a log's own records and the first messages of the
+inputs say, and these are few.
 """
 
 from __future__ import annotations
@@ -15,10 +16,11 @@ from os import PathLike
 from typing import Any
 
 from ..bag import BagReader
+from ..bag.files import MCAP
 from ..bag.writer import offered_qos
 from ..files.errors import InputError
 from ..replay.parameters import complete
-from ..replay.replay import log_record, log_topic, plan, remaps_of
+from ..replay.replay import check, joints_of, log_record, log_topic, plan, remaps_of
 from .answer import plain, printable
 
 __all__ = ["info", "run"]
@@ -27,35 +29,42 @@ _LONGEST = 100  # characters of a name that are shown
 _FIRST_FILES = 5  # that are named
 
 
-def info(path: str | PathLike[str], remaps: Mapping[str, str] | None = None) -> dict[str, Any]:
+def info(
+    path: str | PathLike[str],
+    remaps: Mapping[str, str] | None = None,
+    joints: Mapping[str, str] | None = None,
+    clock: str | None = None,
+) -> dict[str, Any]:
     """What is in a bag, as JSON has it.
 
     Parameters
     ----------
     path : path
-        A rosbag2 folder or a .mcap file.
-    remaps : mapping, optional
-        As :func:`~tire_dynamics.replay.replay.plan` takes it.
+        A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
+    remaps, joints, clock
+        As :func:`~tire_dynamics.replay.replay.replay` takes them.
 
     Returns
     -------
     dict
         ``input``; ``files`` (name, bytes) and ``bytes``; ``begin``, ``end`` (ISO 8601, UTC), ``begin_ns``, ``end_ns``
-        of the log times, ``duration_s``; ``messages``; ``chunks`` by compression; ``topics``: name, type, messages,
-        rate_hz (their mean over the whole bag), qos; ``metadata``: its records. ``log`` is None unless it
-        is a log of the node: node, wheels, rate_hz, parameters (those that are not at their defaults), dropped
+        of the log times, ``duration_s``; ``storage``; ``messages``; ``chunks`` by compression; ``topics``: name,
+        type, messages, rate_hz (their mean over the whole bag), qos; ``metadata``: its records. ``log`` is None
+        unless it is a log of the node: node, wheels, rate_hz, parameters (those not at their defaults), dropped
         (messages that never came into it, by topic; None if that is not known), or error. ``damage`` and
-        ``repair``: what is wrong, and the command that helps; None for a whole bag. ``replay``: possible, wheels and
-        inputs (topic of the bag by input), or why not. What is not known is None.
+        ``repair``: what is wrong, and the command that helps; None for a whole bag. ``replay``: possible, wheels,
+        inputs (topic of the bag by input) and without (why, by wheel, of those that will have no outputs, as far as
+        their first messages say), or why not. What is not known is None.
 
     Raises
     ------
     InputError
         It is not a bag, or not one that can be read.
     """
-    reader = BagReader(path)
+    reader = BagReader(path, clock)
     begin, end = reader.start_ns, reader.end_ns
     duration = None if begin is None or end is None else (end - begin) * 1e-9
+    recoverable = reader.damage and reader.storage == MCAP
     sizes = {file: file.stat().st_size for file in reader.paths}
     return {
         "input": str(path),
@@ -66,6 +75,7 @@ def info(path: str | PathLike[str], remaps: Mapping[str, str] | None = None) -> 
         "begin_ns": begin,
         "end_ns": end,
         "duration_s": duration,
+        "storage": reader.storage,
         "messages": reader.message_count,
         "chunks": {name or "none": count for name, count in reader.chunks.items()},
         "topics": [
@@ -82,8 +92,8 @@ def info(path: str | PathLike[str], remaps: Mapping[str, str] | None = None) -> 
         "metadata": {name: content for name, content in sorted(reader.metadata.items()) if name != "rosbag2"},
         "log": _log(reader),
         "damage": reader.damage or None,
-        "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if reader.damage else None,
-        "replay": _replay(reader, remaps or {}),
+        "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if recoverable else None,
+        "replay": _replay(reader, remaps or {}, joints or {}),
     }
 
 
@@ -130,16 +140,20 @@ def _log(reader: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _replay(reader: BagReader, remaps: Mapping[str, str]) -> dict[str, Any]:
+def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str]) -> dict[str, Any]:
     """Whether it can be replayed as it is."""
     try:
-        how = plan(reader, remaps=remaps)
+        how = plan(reader, remaps=remaps, joints=joints)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and _is_input(topic)}
     if not any(reader.counts[name] != 0 for name in inputs.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
-    return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs}
+    try:
+        without = check(reader, how) if how.log is None else {}
+    except InputError as error:
+        return {"possible": False, "why_not": _without_name(reader, error)}
+    return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs, "without": without}
 
 
 def _is_input(topic: str) -> bool:
@@ -161,7 +175,7 @@ def run(options: argparse.Namespace) -> int:
     int
         Exit status 0, also for a bag that is damaged or cannot be replayed: that is an answer.
     """
-    content = info(options.input, remaps_of(options.remap))
+    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock)
     if options.json:
         print(json.dumps(plain(content), indent=2, allow_nan=False))
         return 0
@@ -185,7 +199,8 @@ _NUMBERS = (2, 3)  # columns that stand to the right
 def _facts(content: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     """Name, text and colour of each line."""
     files, log, replay = content["files"], content["log"], content["replay"]
-    yield "bag", f"{_shown(content['input'])}, {_size(content['bytes'])}", "bold"
+    storage = "" if content["storage"] == MCAP else f", {content['storage']}"
+    yield "bag", f"{_shown(content['input'])}, {_size(content['bytes'])}{storage}", "bold"
     if len(files) > 1:
         names = ", ".join(_shown(file["name"]) for file in files[:_FIRST_FILES])
         yield "files", f"{len(files)}: {names}{' ...' if len(files) > _FIRST_FILES else ''}", ""
@@ -219,7 +234,10 @@ def _facts(content: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
     else:
         yield "whole", "yes", "green"
     if replay["possible"]:
-        yield "replay", f"yes: {_listed(replay['wheels'])}", "green"
+        wheels = [wheel for wheel in replay["wheels"] if wheel not in replay["without"]]
+        yield "replay", f"yes: {_listed(wheels)}", "green"
+        for wheel, reason in replay["without"].items():
+            yield "", f"no output of {_shown(wheel)}: {_shown(reason, 1000)}", "yellow"
     else:
         yield "replay", f"no: {_shown(replay['why_not'], 1000)}", "yellow"
 

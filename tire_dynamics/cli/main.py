@@ -9,9 +9,12 @@ import re
 import signal
 import sys
 from collections.abc import Sequence
-from typing import Any, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..files.errors import InputError
+
+if TYPE_CHECKING:
+    from ..science.unit import TireWheelUnit
 
 __all__ = ["main", "node"]
 
@@ -26,7 +29,8 @@ EXIT_STATUS = """exit status, of every command:
   0      done
   1      a fault of this program, with a traceback: please report it
   2      input or usage that cannot be used; a line on standard error says what, and what to do.
-         Of several bags: some could not be replayed, and the others were
+         Of several bags: some could not be replayed, and the others were.
+         Of a replay: a wheel has no output, and the others have; a line says why
   128+N  ended by signal N: 130 by Ctrl-C, 141 where the reader of a pipe has gone"""
 
 
@@ -211,6 +215,7 @@ _FIRST_STEPS = (
     ("stability --speed-rpm 2000", "is the tire of the paper stable at 2000 rpm?"),
     ("node --ros-args --params-file config/vehicle.yaml", "beside a vehicle stack"),
 )
+_A_BAG = "a rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file"
 _BAGS, _MODEL, _OTHER = "bags", "the model", "beside these"
 _NODE_EXAMPLES = (
     ("node --ros-args --params-file config/vehicle.yaml", "a car with four wheels"),
@@ -221,7 +226,7 @@ _NODE_EXAMPLES = (
 
 def _declare(commands: _Commands) -> None:
     from ..replay import jobs
-    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, uncertainty
+    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, road, uncertainty
     from . import map as map_
 
     command = commands.add(
@@ -244,8 +249,9 @@ def _declare(commands: _Commands) -> None:
             ("info recording --remap front_left/load:=/fl/force_torque", "would it do, with this topic as the load?"),
         ),
     )
-    command.add_argument("input", metavar="BAG", help="a rosbag2 folder or a .mcap file")
+    command.add_argument("input", metavar="BAG", help=_A_BAG)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command, quiet=False)
     command.set_defaults(run=_info)
 
@@ -263,13 +269,12 @@ def _declare(commands: _Commands) -> None:
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
         ),
     )
-    command.add_argument(
-        "input", metavar="IN", nargs="+", help="a rosbag2 folder or a .mcap file: inputs, or a log of the node"
-    )
+    command.add_argument("input", metavar="IN", nargs="+", help=f"{_A_BAG}: inputs, or a log of the node")
     _add_output(command, "the rosbag2 folder to write")
     _add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
     _add_remap(command)
+    _add_clock(command)
     jobs.add_arguments(command, "the bags")
     answer.add_arguments(command)
     command.set_defaults(run=_replay)
@@ -285,6 +290,7 @@ def _declare(commands: _Commands) -> None:
     )
     report.add_arguments(command)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=report.run)
 
@@ -313,10 +319,17 @@ def _declare(commands: _Commands) -> None:
             ("play drive --wait 10", "begin when somebody listens to every topic, or after 10 s"),
         ),
     )
-    command.add_argument("input", metavar="IN", help="a rosbag2 folder or a .mcap file")
+    command.add_argument("input", metavar="IN", help=_A_BAG)
     command.add_argument("--rate", metavar="R", type=float, default=1.0, help="speed of play (default 1)")
     command.add_argument("--loop", action="store_true", help="begin again at the end")
     command.add_argument("--keep-stamps", action="store_true", help="do not move header stamps to the present")
+    command.add_argument(
+        "--max-gap",
+        metavar="S",
+        type=float,
+        default=3600.0,
+        help="skip a gap in the recording that is longer than S seconds, and say so (default 3600)",
+    )
     command.add_argument(
         "--wait", metavar="S", type=float, default=0.0, help="wait at most S seconds for a subscriber on every topic"
     )
@@ -363,6 +376,20 @@ def _declare(commands: _Commands) -> None:
     command.set_defaults(run=loads.run)
 
     command = commands.add(
+        _BAGS,
+        "road",
+        help="a road and a speed into an input bag: ISO 8608, cleats, steps, profiles",
+        examples=(
+            ("road --class C --speed-kmh 80 -o rough", "a car on an average road, 20 s"),
+            ("road --cleat 0.01:0.02@5 --speed-kmh 30 --duration 2 --wheels wheel -o cleat", "one wheel over a cleat"),
+            ("road --profile lane.csv --speed drive.csv -o lane", "a measured road at a measured speed"),
+        ),
+    )
+    road.add_arguments(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=road.run)
+
+    command = commands.add(
         _MODEL,
         "stability",
         help="Floquet stability at a speed, as JSON",
@@ -380,8 +407,12 @@ def _declare(commands: _Commands) -> None:
         "--n-max",
         metavar="N",
         type=int,
-        default=1,
         help="with a sidewall that is not uniform: the modes n = 0 to N, which its harmonics couple (1: n = 1 alone)",
+    )
+    command.add_argument(
+        "--contact",
+        action="store_true",
+        help="on the road, without lift-off, with the belt's harmonics to --n-max (30)",
     )
     uncertainty.add_arguments(command)
     command.add_argument("--json", action="store_true", help="as it is anyway")
@@ -454,6 +485,7 @@ def _declare(commands: _Commands) -> None:
     )
     identify.add_arguments(command)
     _add_remap(command)
+    _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=identify.run)
 
@@ -499,6 +531,22 @@ def _add_remap(command: argparse.ArgumentParser) -> None:
         default=[],
         help="take the input from this topic of the bag, as in front_left/load:=/fl/force_torque; may be repeated",
     )
+    command.add_argument(
+        "--joint",
+        metavar="WHEEL:=NAME",
+        action="append",
+        default=[],
+        help="take the wheel's speed from this joint of joint_states, as in front_left:=fl_joint; may be repeated",
+    )
+
+
+def _add_clock(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--clock",
+        choices=("stamp", "log"),
+        help="one clock where stamps and times of receipt have two: that of the stamps, as of simulated time, or that "
+        "of the receipt",
+    )
 
 
 def _node(arguments: list[str]) -> int:
@@ -536,7 +584,12 @@ def _play(options: argparse.Namespace) -> int:
     from .answer import answer
 
     count = play(
-        options.input, rate=options.rate, loop=options.loop, keep_stamps=options.keep_stamps, wait=options.wait
+        options.input,
+        rate=options.rate,
+        loop=options.loop,
+        keep_stamps=options.keep_stamps,
+        wait=options.wait,
+        max_gap=options.max_gap,
     )
     answer(options, {"input": options.input, "messages": count}, f"{count} messages published")
     return 0
@@ -569,7 +622,7 @@ def _replay(options: argparse.Namespace) -> int:
         _say_if_slow()
 
         return UNUSABLE if batch.run(options) else 0
-    from ..replay.replay import remaps_of, replay
+    from ..replay.replay import joints_of, remaps_of, replay
     from .answer import answer
 
     _say_if_slow()
@@ -581,14 +634,18 @@ def _replay(options: argparse.Namespace) -> int:
         force=options.force,
         quiet=options.quiet,
         remaps=remaps_of(options.remap),
+        joints=joints_of(options.joint),
+        clock=options.clock,
     )
     if summary.damage:
         print(_one_line(f"{source} is damaged: {summary.damage}; what stands before was replayed"), file=sys.stderr)
+    for wheel, reason in summary.without.items():
+        print(_one_line(f"{wheel}: no output; {reason}"), file=sys.stderr)
     total = sum(summary.received.values())
     written = sum(summary.written.values())
     content = {"input": source, "output": options.output, **summary._asdict()}
     answer(options, content, f"{options.output}: {total} messages in, {written} out")
-    return 0
+    return UNUSABLE if summary.without else 0
 
 
 def _stability(options: argparse.Namespace) -> int:
@@ -599,12 +656,22 @@ def _stability(options: argparse.Namespace) -> int:
 
     if not abs(options.speed_rpm) <= _MAX_RPM:
         raise InputError(f"--speed-rpm is {options.speed_rpm}; it must be between -{_MAX_RPM:g} and {_MAX_RPM:g}")
-    if not 1 <= options.n_max <= _MOST_MODES:
-        raise InputError(f"--n-max is {options.n_max}; it must be from 1 to {_MOST_MODES}")
     values = complete(read_config(options.config) if options.config else {})
     try:
         speed = options.speed_rpm * math.pi / 30.0
-        reply = stability_reply("wheel", unit_of(values), speed, values["model"], options.n_max)
+        unit = unit_of(values)
+        varying = bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
+        most = 100 if options.contact and not varying else _MOST_MODES
+        n_max = options.n_max if options.n_max is not None else (5 if varying else 30) if options.contact else 1
+        if not 1 <= n_max <= most:
+            raise InputError(f"--n-max is {n_max}; it must be from 1 to {most}")
+        if options.contact and options.samples is not None:
+            raise InputError("--samples is for the tire under a given load; leave --contact out")
+        reply = (
+            _on_the_road(unit, speed, values["model"], n_max)
+            if options.contact
+            else stability_reply("wheel", unit, speed, values["model"], n_max)
+        )
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     if options.samples is not None:
@@ -616,6 +683,28 @@ def _stability(options: argparse.Namespace) -> int:
         raise InputError("--error belongs to --samples, which is not given")
     print(json.dumps(reply, indent=2))
     return 0
+
+
+def _on_the_road(unit: TireWheelUnit, speed: float, model: Any, n_max: int) -> dict[str, Any]:
+    """The stability reply of a tire on the road."""
+    from ..science import wheel
+
+    result = wheel.stability(unit, speed, model, contact=True, n_max=n_max)
+    pairs = {
+        name: None if values is None else [[value.real, value.imag] for value in values.tolist()]
+        for name, values in (("multipliers", result.multipliers), ("exponents_1_s", result.exponents))
+    }
+    return {
+        "wheel": "wheel",
+        "state": "on the road",
+        "n_max": n_max,
+        "speed_rad_s": speed,
+        "period_s": result.period,
+        "verdict": result.verdict,
+        "spectral_radius": result.spectral_radius,
+        **pairs,
+        "critical_speed_rad_s": wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max),
+    }
 
 
 def _completion(options: argparse.Namespace) -> int:

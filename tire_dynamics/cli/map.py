@@ -44,6 +44,7 @@ class MapRequest:
     model: Any
     speed: float | None
     log: tuple[bool, bool]
+    n_max: int = 0  # of a tire on the road; 0: under a given load
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -71,6 +72,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed-rpm", metavar="R", type=float, help="the speed [rpm], where it is no axis")
     parser.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
+    parser.add_argument("--contact", action="store_true", help="on the road, without lift-off; some 10 ms a point")
+    parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
     parser.add_argument("-o", "--output", metavar="PNG", required=True, help="the picture to write")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
     jobs.add_arguments(parser, "the points")
@@ -133,6 +136,10 @@ def request_of(options: argparse.Namespace) -> MapRequest:
     model = options.model or values["model"]
     if options.quantity == "transmissibility" and model != "inextensional":
         raise InputError(f"--quantity transmissibility is for --model inextensional; the model is {model}")
+    if options.contact and options.quantity != "stability":
+        raise InputError(f"--contact is for --quantity stability; the quantity is {options.quantity}")
+    if not 1 <= options.n_max <= 100:
+        raise InputError(f"--n-max is {options.n_max}; it must be from 1 to 100")
     return MapRequest(
         unit_of(values),
         x,
@@ -141,6 +148,7 @@ def request_of(options: argparse.Namespace) -> MapRequest:
         model,
         None if rpm is None else rpm * RPM,
         (options.log_x, options.log_y),
+        options.n_max if options.contact else 0,
     )
 
 
@@ -148,7 +156,7 @@ def _axis(option: str, text: str, log: bool) -> tuple[str, Any]:
     """Name and values of an axis."""
     import numpy as np
 
-    from ..science.maps import AXES
+    from ..science.maps import ROAD_AXES
 
     name, _, interval = text.partition("=")
     low_high_count = interval.split(":")
@@ -159,7 +167,7 @@ def _axis(option: str, text: str, log: bool) -> tuple[str, Any]:
         low_high_count = []
     if len(low_high_count) not in (2, 3):
         raise InputError(f"{option} is {text!r}; it must be FIELD=LOW:HIGH or FIELD=LOW:HIGH:N, N a whole number")
-    names = (*AXES, "speed_rpm", _SCALE)
+    names = (*ROAD_AXES, "speed_rpm", _SCALE)
     if name not in names:
         raise InputError(f"{option}: {name!r} cannot be an axis; the axes are {', '.join(names)}")
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
@@ -210,15 +218,19 @@ def compute(
         "log": request.log,
         "unit": json.dumps(request.unit.to_mapping()),
         "model": request.model,
+        "contact_n_max": request.n_max,
         "speed_rad_s": math.nan if request.speed is None else request.speed,
     }
     try:
+        if _SCALE in (x[0], y[0]) and request.n_max:
+            raise ValueError(f"{_SCALE} cannot be an axis with --contact")
         if _SCALE in (x[0], y[0]):
             arrays |= _tongues(request, x, y, over)
         elif request.quantity == "transmissibility":
             arrays["transmissibility"] = transmissibility_map(request.unit, x, y, speed=request.speed).transmissibility
         else:
-            result = stability_map(request.unit, x, y, speed=request.speed, model=request.model, over=over)
+            road: dict[str, Any] = {"contact": True, "n_max": request.n_max} if request.n_max else {}
+            result = stability_map(request.unit, x, y, speed=request.speed, model=request.model, **road, over=over)
             arrays |= {
                 "spectral_abscissa_1_s": result.abscissa,
                 "spectral_radius": result.spectral_radius,

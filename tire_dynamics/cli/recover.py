@@ -9,11 +9,14 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..bag import BagWriter
+from ..bag.files import MCAP, ROS1, SQLITE, Unpacking, absent
+from ..bag.records import ZSTD_MAGIC, DamageError, unpacked_message
 from ..bag.salvage import Messages, Salvage
 from ..bag.writer import check_replaceable, keep_apart
 from ..files.errors import InputError, missing
@@ -48,6 +51,8 @@ class Account:
         the end. At most 1000.
     gaps_beyond : int
         How many more there are.
+    missing : list of str
+        Files that ``metadata.yaml`` lists and that are not there.
     """
 
     kept: dict[str, int] = field(default_factory=dict)
@@ -59,11 +64,12 @@ class Account:
     reasons: Counter[str] = field(default_factory=Counter)
     gaps: list[tuple[float | None, float | None]] = field(default_factory=list)
     gaps_beyond: int = 0
+    missing: list[str] = field(default_factory=list)
 
     @property
     def whole(self) -> bool:
         """Whether nothing was wrong."""
-        return not (self.reasons or self.dropped)
+        return not (self.reasons or self.dropped or self.missing)
 
 
 def recover(
@@ -72,13 +78,15 @@ def recover(
     """Make a whole bag of what a truncated or damaged one holds.
 
     Topics, types, QoS and messages are copied as they are, the messages in the order of the files, with nothing
-    taken from a chunk whose checksum is wrong. Memory holds a chunk or two, whatever the length of the bag.
+    taken from a chunk whose checksum is wrong. What rosbag2 has compressed by message or by file is decompressed;
+    chunks are compressed anew. Memory holds a chunk or two, whatever the length of the bag.
 
     Parameters
     ----------
     source : path
-        A ``.mcap`` file, or a folder: every ``.mcap`` file in it, in the order of the numbers in their names.
-        ``metadata.yaml`` is not needed and not looked at. It is never changed.
+        A ``.mcap`` file, or a folder: every ``.mcap`` file in it (``.mcap.zstd`` too), in the order of the numbers
+        in their names. ``metadata.yaml`` is not needed; where there is one, files that it lists and that are not
+        there are named. It is never changed.
     output : path
         The rosbag2 folder to write, with one file.
     force : bool
@@ -99,8 +107,14 @@ def recover(
     files = _files(source)
     keep_apart(source, files, output)
     check_replaceable(output, force)  # now, not after a long search
-    salvages = [Salvage(path) for path in files]
-    account = Account()
+    unpacking = Unpacking()
+    account = Account(missing=absent(source) if source.is_dir() else [])
+    salvages = []
+    for path in files:
+        place, damage = _unpacked(path, unpacking) if path.stat().st_size else (path, "")
+        salvages.append(Salvage(path, place))
+        if damage:
+            account.reasons[damage] += 1
     with BagWriter(output, force=force, aside=True, chunk_size=2**20) as writer:
         recorder = _Recorder(writer, account, quiet)
         for salvage in salvages:
@@ -117,9 +131,17 @@ def _files(source: Path) -> list[Path]:
         raise missing(source)
     files = [source]
     if source.is_dir():
-        found = [path for path in source.iterdir() if path.suffix == ".mcap"]
+        there = {path.name: path for path in source.iterdir()}
+        found = [
+            path
+            for name, path in there.items()
+            if name.endswith(".mcap") or (name.endswith(".mcap.zstd") and name.removesuffix(".zstd") not in there)
+        ]
         files = sorted(found, key=lambda path: [(not part.isdecimal(), part.zfill(20)) for part in _parts(path)])
         if not files:
+            others = sorted(path for name, path in there.items() if name.endswith((".db3", ".db3.zstd", ".bag")))
+            if others:
+                _refuse_storage(others[0], ROS1 if others[0].suffix == ".bag" else SQLITE)
             raise InputError(f"{source}: has no .mcap file; of a bag in a folder below, name that folder")
     for file in files:
         if not file.is_file():
@@ -127,6 +149,25 @@ def _files(source: Path) -> list[Path]:
         if not file.stat().st_size and len(files) == 1:
             raise InputError(f"{file}: is empty")
     return files
+
+
+def _unpacked(path: Path, unpacking: Unpacking) -> tuple[Path, str]:
+    """Where the bytes of a file are, and what is wrong with its compression; one of another storage is refused."""
+    try:
+        found = unpacking.find(path)
+    except InputError as error:
+        if " is not an MCAP file" in str(error):
+            return path, ""  # its first bytes may be what is damaged
+        raise
+    if found.kind != MCAP:
+        _refuse_storage(path, found.kind)
+    return found.place, found.damage
+
+
+def _refuse_storage(path: Path, storage: str) -> NoReturn:
+    raise InputError(
+        f"{path}: its storage is {storage}, and only mcap can be recovered; info says whether it can be read as it is"
+    )
 
 
 def _parts(path: Path) -> list[str]:
@@ -141,6 +182,7 @@ class _Recorder:
         self._quiet = quiet
         self._account = account
         self._topics: dict[str, tuple[tuple[str, str], int]] = {}  # to type and encoding, and handle
+        self._cdr: dict[int, bool] = {}  # by handle
         self._metadata: list[tuple[str, dict[str, str]]] = []
         self._last: int | None = None  # log time of the last message that was kept
         self._gap: int | None = None  # log time before the loss that is being counted
@@ -184,7 +226,8 @@ class _Recorder:
         if declared.topic not in self._topics:
             if len(self._topics) == _MAX_TOPICS:
                 raise InputError(f"{salvage.path}: declares more than {_MAX_TOPICS} topics")
-            self._topics[declared.topic] = kind, self._writer.copy_topic(declared)
+            self._topics[declared.topic] = kind, (handle := self._writer.copy_topic(declared))
+            self._cdr[handle] = declared.encoding == "cdr"
             self._account.kept[declared.topic] = 0
         known, handle = self._topics[declared.topic]
         return handle if known == kind else 0
@@ -200,14 +243,22 @@ class _Recorder:
             if places.any():
                 self._account.dropped[reason] += int(places.sum())
         keep = (handle > 0) & ~late
+        bounds = zip(some.start.tolist(), (some.start + some.size).tolist(), keep.tolist(), strict=True)
+        contents = [some.data[start:end] if kept else b"" for start, end, kept in bounds]
+        for place, content in enumerate(contents):
+            if content.startswith(ZSTD_MAGIC) and self._cdr[handle[place]]:
+                try:
+                    contents[place] = unpacked_message(content)
+                except DamageError:
+                    keep[place] = False
+                    self._account.dropped["messages whose compression is damaged"] += 1
         if not keep.any():
             return
         log_time = some.log_time[keep].astype(np.int64)
         if self._in_gap:
             self._close_gap(int(log_time[0]))
         self._last = int(log_time[-1])
-        bounds = zip(some.start[keep].tolist(), (some.start + some.size)[keep].tolist(), strict=True)
-        payloads = [some.data[start:end] for start, end in bounds]
+        payloads = [contents[place] for place in np.flatnonzero(keep).tolist()]
         publish_time = some.publish_time[keep].astype(np.int64)
         self._writer.write_block(handle[keep], log_time, publish_time, payloads, some.sequence[keep])
         counts = np.bincount(handle[keep], minlength=len(self._topics) + 1)
@@ -251,6 +302,8 @@ def _lines(output: str, account: Account) -> Iterator[str]:
     if account.whole:
         yield "nothing was lost"
         return
+    for name in account.missing:
+        yield f"missing: {_printable(name)}, which metadata.yaml lists"
     yield f"skipped: {account.bytes_skipped} of {account.bytes} bytes, {account.chunks_skipped} chunks"
     for what in (account.reasons, account.dropped):
         for reason, count in what.items():

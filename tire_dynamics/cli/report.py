@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     InputError
         As :func:`report` does.
     """
-    from ..replay.replay import remaps_of
+    from ..replay.replay import joints_of, remaps_of
     from .answer import answer
 
     quiet = options.quiet or options.json
@@ -80,6 +80,8 @@ def run(options: argparse.Namespace) -> int:
         seed=options.seed,
         force=options.force,
         remaps=remaps_of(options.remap),
+        joints=joints_of(options.joint),
+        clock=options.clock,
         quiet=quiet,
     )
     size = Path(options.output).stat().st_size
@@ -99,6 +101,8 @@ def report(
     seed: int = 0,
     force: bool = False,
     remaps: Mapping[str, str] | None = None,
+    joints: Mapping[str, str] | None = None,
+    clock: str | None = None,
     quiet: bool = False,
 ) -> str:
     """Write the page about a bag.
@@ -124,6 +128,8 @@ def report(
         Replace a page that exists.
     remaps : mapping, optional
         Topics of the bag by the inputs that they are to be, for a replay; with them a log is replayed as well.
+    joints, clock
+        As :func:`~tire_dynamics.replay.replay.replay` takes them; with them, too, a log is replayed.
     quiet : bool
         Show no progress, not even on a terminal.
 
@@ -157,10 +163,10 @@ def report(
     from ..report import gather, page, theory
 
     with TemporaryDirectory(prefix="tire_dynamics_") as folder:
-        replayed = config is not None or bool(remaps) or not gather.has_outputs(bag)
+        replayed = config is not None or bool(remaps or joints or clock) or not gather.has_outputs(bag)
         if replayed:
             log = Path(folder) / "replay"
-            replay(bag.path, log, config=config, quiet=quiet, remaps=remaps)
+            replay(bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock)
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
     known = None

@@ -19,14 +19,8 @@ from .answer import answer
 if TYPE_CHECKING:
     from ..figures.bode import Bode
 
-__all__ = ["PATHS", "add_arguments", "compute", "run"]
+__all__ = ["add_arguments", "compute", "run"]
 
-PATHS = {  # output and input, as indices of the response
-    "load_to_force_z": (1, 0),
-    "load_to_force_x": (0, 0),
-    "traction_to_force_z": (1, 1),
-    "traction_to_force_x": (0, 1),
-}
 MAX_RPM = 1e7
 MAX_HZ = 1e6
 MOST_POINTS = 20_000
@@ -53,6 +47,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--points", metavar="N", type=int, default=600, help="frequencies, at equal ratios (600)")
     parser.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
+    parser.add_argument(
+        "--contact", action="store_true", help="on the road: per its height in place of the load; contact force too"
+    )
+    parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
     parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed but with --json")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
 
@@ -121,6 +119,9 @@ def compute(options: argparse.Namespace) -> Bode:
         raise InputError(f"--points is {options.points}; it must be from 2 to {MOST_POINTS}")
     values = complete(read_config(options.config) if options.config else {})
     unit, model = unit_of(values), options.model or values["model"]
+    road: dict[str, Any] = {"contact": True, "n_max": options.n_max} if options.contact else {}
+    if not 1 <= options.n_max <= 100:
+        raise InputError(f"--n-max is {options.n_max}; it must be from 1 to 100")
     frequencies = np.geomspace(options.low, options.high, options.points)
     speeds = [speed * RPM for speed in rpm]
     try:
@@ -129,9 +130,12 @@ def compute(options: argparse.Namespace) -> Bode:
             model,
             rpm,
             frequencies,
-            wheel.frequency_response(unit, speeds, frequencies, model),
-            tuple(wheel.whirl_frequencies(unit, speed, model) for speed in speeds),
-            tuple(wheel.stability(unit, speed, model).verdict for speed in speeds),
+            wheel.frequency_response(
+                unit, speeds, frequencies, model, input="road" if options.contact else "load", n_max=options.n_max
+            ),
+            tuple(wheel.whirl_frequencies(unit, speed, model, **road) for speed in speeds),
+            tuple(wheel.stability(unit.mean if road else unit, speed, model, **road).verdict for speed in speeds),
+            options.contact,
         )
     except (ArithmeticError, ValueError) as error:
         raise InputError(str(error)) from None
@@ -149,7 +153,7 @@ def _write(picture: Path, bode: Bode) -> None:
         "speed_rpm": np.repeat(bode.speeds, len(bode.frequencies)),
         "frequency_Hz": np.tile(bode.frequencies, len(bode.speeds)),
     }
-    for name, (row, column) in PATHS.items():
+    for name, (row, column) in bode.paths.items():
         values = bode.response[:, :, row, column].ravel()
         table |= {f"{name}_ratio": np.abs(values), f"{name}_phase_deg": np.degrees(np.angle(values))}
     with aside(picture.with_suffix(".csv")) as csv, aside(picture) as png:
@@ -167,13 +171,14 @@ def _content(output: str | None, bode: Bode) -> dict[str, Any]:
                 "ratio": np.abs(bode.response[k, :, row, column]).tolist(),
                 "phase_deg": np.degrees(np.angle(bode.response[k, :, row, column])).tolist(),
             }
-            for name, (row, column) in PATHS.items()
+            for name, (row, column) in bode.paths.items()
         }
         whirl = bode.whirl[k].tolist()
         speeds.append({"speed_rpm": speed, "verdict": bode.verdicts[k], "whirl_frequencies_Hz": whirl, **paths})
     return {
         "output": output,
         "model": bode.model,
+        "contact": bode.contact,
         "unit": bode.unit.to_mapping(),
         "frequencies_Hz": bode.frequencies.tolist(),
         "speeds": speeds,

@@ -15,6 +15,7 @@ from matplotlib.lines import Line2D
 
 from ..science.nonuniform import CombinationResonance
 from ..science.unit import MODAL, REACTION, TireWheelUnit
+from .road_drawings import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 from .tables import (
     BELT_MODELS,
     CAMPBELL_MODES,

@@ -122,8 +122,11 @@ def _title(arrays: dict[str, Any]) -> str:
     """What is drawn, and what is held fixed."""
     unit = json.loads(str(arrays["unit"]))
     complete = str(arrays["model"]) == "complete"
-    what = f"Stability, {'complete' if complete else 'inextensional'} model"
-    without = NEVER | (set() if complete else COMPLETE_ONLY) | {str(arrays["x_name"]), str(arrays["y_name"])}
+    road = int(arrays["contact_n_max"]) if "contact_n_max" in arrays else 0
+    what = f"Stability{' on the road' if road else ''}, {'complete' if complete else 'inextensional'} model"
+    ignored = set() if road else NEVER | {"vertical_stiffness", "residual_damping", "sprung_mass"}
+    complete = complete or bool(road)
+    without = ignored | (set() if complete else COMPLETE_ONLY) | {str(arrays["x_name"]), str(arrays["y_name"])}
     if "transmissibility" in arrays:
         what, without = "Transmissibility", without | STABILITY_ONLY
     held = [(name, value) for name, value in unit.items() if name in FIELDS and name not in without]

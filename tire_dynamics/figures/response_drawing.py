@@ -32,8 +32,10 @@ def draw(bode: Bode) -> Figure:
         for number, (entry, name) in enumerate(INPUTS):
             ratio, phase = axes[2 * number : 2 * number + 2, column]
             _panel(ratio, phase, bode, output, entry, lines)
+            road = bode.contact and entry == 0
+            name = "road's height" if road else name
             if column == 0:
-                ratio.set_ylabel(f"Ratio to the {name} [-]")
+                ratio.set_ylabel(f"Ratio to the {name} [{'N/m' if road else '-'}]")
                 phase.set_ylabel(f"Phase to the\n{name} [deg]")
         axes[-1, column].set_xlabel("Frequency [Hz]")
     axes[0, 0].set(xscale="log", xlim=(bode.frequencies[0], bode.frequencies[-1]))
@@ -45,12 +47,14 @@ def draw(bode: Bode) -> Figure:
     fixed += rf"$m$ = {unit.ring_mass:.4g} kg, $k_1$ = {unit.sidewall_stiffness / 1e6:.4g} MN/m, "
     fixed += rf"$k_s$ = {unit.suspension_stiffness / 1e3:.4g} kN/m"
     model = f"{bode.model} model, {unit.sidewall_damping} damping of the sidewall"
-    figure.suptitle(f"Axle force per load and traction that vary as a sine; {model}\n{fixed}", fontsize=8.5)
+    given = "road height" if bode.contact else "load"
+    figure.suptitle(f"Axle force per {given} and traction, sines; {model}\n{fixed}", fontsize=8.5)
     handles = [
         Line2D([], [], label=f"{speed:g} rpm{', unstable' if verdict == 'unstable' else ''}", **line)
         for speed, verdict, line in zip(bode.speeds, bode.verdicts, lines, strict=True)
     ]
-    handles.append(Line2D([], [], color="0", marker="o", label="whirl, $n = 1$", **MARKERS))
+    whirl = "whirl" if bode.contact else "whirl, $n = 1$"
+    handles.append(Line2D([], [], color="0", marker="o", label=whirl, **MARKERS))
     figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 4))
     return figure
 
@@ -85,7 +89,9 @@ def _panel(ratio: Axes, phase: Axes, bode: Bode, output: int, entry: int, lines:
         ratio.set_yscale("log")
         low, high = 90.0 * np.floor(min(extremes) / 90.0), 90.0 * np.ceil(max(extremes) / 90.0)
         phase.set_ylim(low - 15.0, max(high, low + 90.0) + 15.0)
-        phase.yaxis.set_major_locator(MultipleLocator(180.0 if high - low > 360.0 else 90.0))
+        phase.yaxis.set_major_locator(
+            MultipleLocator(720.0 if high - low > 1440.0 else 180.0 if high - low > 360.0 else 90.0)
+        )
 
 
 def _degrees(H: Any) -> Any:

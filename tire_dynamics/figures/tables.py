@@ -20,6 +20,7 @@ from ..science.coefficients import Model
 from ..science.modes import RingModes
 from ..science.nonuniform import CombinationResonance, Nonuniformity, combination_resonances, tongue_map
 from ..science.unit import MODAL, REACTION, TireWheelUnit
+from .road_tables import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

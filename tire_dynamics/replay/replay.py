@@ -19,10 +19,11 @@ from ..bag.writer import keep_apart
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from .inputs import first_reasons, hint, reasons
 from .parameters import NODE_NAME, complete, read_config
 from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types
 
-__all__ = ["Plan", "Summary", "log_record", "log_topic", "plan", "remaps_of", "replay"]
+__all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
 
 IntArray = NDArray[np.int64]
 
@@ -31,12 +32,16 @@ _LEAST = 4096  # messages that are taken together; more cost memory and save not
 
 
 class Summary(NamedTuple):
-    """What a replay did: messages read and written by topic, the parameters, and what is wrong with the bag."""
+    """What a replay did: messages read and written by topic, the parameters, and what is wrong with the bag.
+
+    ``without`` says of wheels that have no outputs why.
+    """
 
     received: dict[str, int]
     written: dict[str, int]
     parameters: dict[str, Any]
     damage: str
+    without: dict[str, str]
 
 
 def replay(
@@ -47,13 +52,15 @@ def replay(
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
+    joints: Mapping[str, str] | None = None,
+    clock: str | None = None,
 ) -> Summary:
     """Run a bag through the estimator into a new bag, which is a log like the live node's.
 
     Parameters
     ----------
     source : path
-        A rosbag2 folder or a .mcap file: a recording of the inputs, or a log of the node.
+        A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file: a recording of the inputs, or a log of the node.
     output : path
         The rosbag2 folder to write: the inputs as they were, every output, and what a further replay needs.
     config : path, optional
@@ -63,8 +70,11 @@ def replay(
         Replace an output that exists.
     quiet : bool
         Show no progress, not even on a terminal.
-    remaps : mapping, optional
-        As :func:`plan` takes it.
+    remaps, joints : mapping, optional
+        As :func:`plan` takes them.
+    clock : {"stamp", "log"}, optional
+        One clock for stamps and log times, as :class:`~tire_dynamics.bag.BagReader` takes it: ``stamp`` for
+        recordings of simulated time. The output has the inputs on that clock.
 
     Returns
     -------
@@ -82,14 +92,17 @@ def replay(
     other bag, the ticks come at the multiples of the period, each after the messages received until then.
     Memory does not grow with the bag.
     """
-    reader = BagReader(source)
+    reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    values, names, log = plan(reader, config, remaps or {})
+    how = plan(reader, config, remaps, joints)
+    values, names, log = how
+    if log is None:
+        check(reader, how)
     try:
         pipeline = Pipeline(values)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
-    if log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
+    if clock is None and log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
         blocks = _recorded(reader, names, quiet)
     else:
         blocks = _received(reader, names, pipeline, quiet)
@@ -97,7 +110,12 @@ def replay(
         received, written = _run(pipeline, blocks, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
         raise InputError(f"{source}: {error}") from None
-    return Summary(received, written, pipeline.values, reader.damage)
+    except _NothingError as error:
+        found = reasons(reader, values, names, pipeline.values["wheels"])
+        said = "; ".join(f"{wheel}: {why}" for wheel, why in found.items())
+        raise InputError(f"{error}; {said}") from None
+    still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
+    return Summary(received, written, pipeline.values, reader.damage, reasons(reader, values, names, still))
 
 
 class Plan(NamedTuple):
@@ -108,7 +126,12 @@ class Plan(NamedTuple):
     log: dict[str, Any] | None
 
 
-def plan(reader: BagReader, config: str | PathLike[str] | None = None, remaps: Mapping[str, str] | None = None) -> Plan:
+def plan(
+    reader: BagReader,
+    config: str | PathLike[str] | None = None,
+    remaps: Mapping[str, str] | None = None,
+    joints: Mapping[str, str] | None = None,
+) -> Plan:
     """How a bag would be replayed; of its messages only the first log record is read.
 
     Parameters
@@ -118,6 +141,8 @@ def plan(reader: BagReader, config: str | PathLike[str] | None = None, remaps: M
         As :func:`replay` takes it.
     remaps : mapping, optional
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
+    joints : mapping, optional
+        Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
 
     Raises
     ------
@@ -131,9 +156,58 @@ def plan(reader: BagReader, config: str | PathLike[str] | None = None, remaps: M
         given = {**given, "wheels": _wheels(reader, remaps)}
     try:
         values = complete(given)
+        if joints:
+            values = complete({**values, "joint_names": _joint_names(values, joints)})
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
     return Plan(values, _names(reader, values["wheels"], log, remaps), log)
+
+
+def check(reader: BagReader, how: Plan) -> dict[str, str]:
+    """See that the first messages of a bag's inputs can be used: their encoding, clocks, joints and velocities.
+
+    Parameters
+    ----------
+    reader : BagReader
+    how : Plan
+
+    Returns
+    -------
+    dict
+        By wheel, why it will have no outputs; those for which nothing says so are not in it.
+
+    Raises
+    ------
+    InputError
+        No wheel can have outputs; the reason says why, and what helps.
+    """
+    found = first_reasons(reader, how.values, how.names)
+    if len(found) == len(how.values["wheels"]):
+        wheels: dict[str, list[str]] = {}
+        for wheel, reason in found.items():
+            wheels.setdefault(reason, []).append(wheel)
+        raise InputError(f"{reader.path}: " + "; ".join(f"{', '.join(names)}: {why}" for why, names in wheels.items()))
+    return found
+
+
+def _joint_names(values: Mapping[str, Any], joints: Mapping[str, str]) -> list[str]:
+    """The wheels' joints with those that are given."""
+    wheels = values["wheels"]
+    for wheel in joints:
+        if wheel not in wheels:
+            raise InputError(f"--joint: {wheel} is no wheel; the wheels are {', '.join(wheels)}")
+    return [joints.get(wheel, name) for wheel, name in zip(wheels, values["joint_names"], strict=True)]
+
+
+def joints_of(texts: Iterable[str]) -> dict[str, str]:
+    """Joint by wheel, of texts such as ``front_left:=fl_wheel_joint``."""
+    joints = {}
+    for text in texts:
+        wheel, sign, name = text.partition(":=")
+        if not (wheel and sign and name):
+            raise InputError(f"--joint is {text!r}; it must be WHEEL:=NAME, as in front_left:=fl_wheel_joint")
+        joints[wheel] = name
+    return joints
 
 
 def remaps_of(texts: Iterable[str]) -> dict[str, str]:
@@ -203,7 +277,7 @@ def _run(
         if writing is not None:
             writing.result()
         if not written:
-            raise InputError(_why_nothing(pipeline, received))
+            raise _NothingError(_why_nothing(pipeline, received))
     return (
         {topic: received[topic] for topic in pipeline.inputs},
         {topic: written[topic] for topic in pipeline.outputs},
@@ -224,6 +298,10 @@ def _continue(pipeline: Pipeline, record: Mapping[str, Any], *, first: bool, own
             pipeline.vehicle.restore(record["vehicle"])
     except (OverflowError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
+
+
+class _NothingError(InputError):
+    """No wheel had an output."""
 
 
 def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
@@ -300,13 +378,25 @@ def _wheels(reader: BagReader, remaps: Mapping[str, str]) -> list[str]:
     if not wheels:
         wanted = " or ".join(f"<wheel>/{name} of {kind}" for name, kind in kinds.items())
         could_be = [name for kind in kinds.values() for name in reader.topics if reader.topics[name] == kind]
-        hint = (
+        example = (
             ""
             if not could_be
             else f"; if {could_be[0]} is a wheel's load: --remap wheel/{_load_of(reader, could_be[0])}"
         )
-        raise InputError(f"{reader.path}: has no topic {wanted}{hint}; its topics: {_listed(reader.topics)}")
+        raise InputError(
+            f"{reader.path}: has no topic {wanted}{_encoded(reader)}{example}; its topics: {_listed(reader.topics)}"
+        )
     return sorted(set(wheels))
+
+
+def _encoded(reader: BagReader) -> str:
+    """Of topics that cannot be read: which, how they are encoded, and what helps."""
+    others = [name for name, encoding in reader.encodings.items() if encoding != "cdr"]
+    if not others:
+        return ""
+    encoding = reader.encodings[others[0]]
+    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
+    return f" that can be read: {others[0]}{more} are encoded as {encoding}, and only cdr is read{hint(encoding)}"
 
 
 def _load_of(reader: BagReader, name: str) -> str:
@@ -356,8 +446,7 @@ def _names(
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
-    if len(set(names.values())) < len(names):
-        raise InputError(f"{reader.path}: two of its topics would have one name: {_listed(names.values())}")
+    _see_apart(reader, names, remaps)
     speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
     if not any(name in reader.topics for name in speeds):
         present = _listed(reader.topics)
@@ -366,6 +455,15 @@ def _names(
             f"--remap joint_states:=/its/name; its topics: {present}"
         )
     return names
+
+
+def _see_apart(reader: BagReader, names: Mapping[str, str], remaps: Mapping[str, str]) -> None:
+    """See that no topic of the bag is to be two things; ``InputError`` that names both if one is."""
+    known: dict[str, str] = {}
+    for topic, name in names.items():
+        if (other := known.setdefault(name, topic)) != topic:
+            how = "--remap makes" if {topic, other} & remaps.keys() else "the bag has"
+            raise InputError(f"{reader.path}: {how} {name} both {other} and {topic}; each needs a topic of its own")
 
 
 def _listed(topics: Iterable[str]) -> str:

@@ -146,7 +146,8 @@ def _outputs(drive: Drive, covered: list[float]) -> list[Finding]:
             text = f"{wheel.name}: {number(wheel.unusable)} axle forces are malformed or not finite, and are left out."
             found.append(Finding("bad", text))
         if not wheel.outputs:
-            found.append(Finding("bad", f"{wheel.name} has no outputs: it never had a fresh speed and a fresh load."))
+            why = drive.without.get(wheel.name) or "it never had a fresh speed and a fresh load"
+            found.append(Finding("bad", f"{wheel.name} has no outputs: {why}."))
         elif share < 0.999:
             level: Level = "warning" if share > 0.5 else "bad"
             longest = max((end - begin for begin, end in wheel.gaps), default=0.0)

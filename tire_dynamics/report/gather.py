@@ -15,6 +15,7 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from ..replay.inputs import reasons
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, input_types
 from ..replay.replay import log_record, log_topic, plan
@@ -175,6 +176,7 @@ class Drive:
     dropped: dict[str, int]
     changes: int = 0  # of the tire, in the drive
     clock_resets: int = 0
+    without: dict[str, str] = field(default_factory=dict)  # why a wheel has no outputs
 
     @property
     def unit(self) -> Any:
@@ -233,6 +235,7 @@ def gather(reader: BagReader, source: BagReader, *, replayed: bool = False, quie
         dropped={str(key): value for key, value in reading.dropped.items() if isinstance(value, int) and value > 0},
         changes=reading.changes,
         clock_resets=reading.clock_resets,
+        without=reading.reasons(reader),
     )
 
 
@@ -260,6 +263,10 @@ class _Reading:
         }
         self.full = set(self._names.values())
         self._joints = messages.JointStateDecoder()
+
+    def reasons(self, reader: BagReader) -> dict[str, str]:
+        """Why wheels have no outputs."""
+        return reasons(reader, self.parameters, self._names, [each.name for each in self.wheels if not each.outputs])
 
     def take(self, block: Block) -> None:
         """Take a block."""

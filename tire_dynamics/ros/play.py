@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import struct
 import time
@@ -37,13 +38,14 @@ def play(
     loop: bool = False,
     keep_stamps: bool = False,
     wait: float = 0.0,
+    max_gap: float = 3600.0,
 ) -> int:
     """Publish a bag's messages at the pace at which they were recorded, each topic with the QoS that the bag says.
 
     Parameters
     ----------
     source : path
-        A rosbag2 folder or a .mcap file.
+        A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
     rate : float
         Speed of play; 2 is twice as fast as recorded.
     loop : bool
@@ -53,6 +55,8 @@ def play(
         to the moment at which its message was recorded, so that a live node takes it for a live one.
     wait : float
         Seconds to wait at most for a subscriber on every topic before beginning.
+    max_gap : float
+        A gap between two messages that is longer than so many seconds is skipped, and said on /rosout.
 
     Returns
     -------
@@ -66,6 +70,8 @@ def play(
     """
     if not 0.0 < rate < 1e6:
         raise InputError(f"--rate is {rate}; it must be > 0 and < 1e6")
+    if not 0.0 < max_gap < 1e9:
+        raise InputError(f"--max-gap is {max_gap}; it must be > 0 and < 1e9 s")
     reader = BagReader(source)
     if not reader.message_count:
         raise InputError(f"{reader.path}: has no message")
@@ -87,7 +93,7 @@ def play(
         _wait_for_subscribers([publisher for publisher, _ in publishers.values()], wait, executor, stopping)
         count = 0
         while not stopping:
-            for topic, data, stamped in _paced(reader, publishers, rate, executor, stopping):
+            for topic, data, stamped in _paced(node, reader, publishers, rate, max_gap, executor, stopping):
                 publisher, has_header = publishers[topic]
                 publisher.publish(data if keep_stamps or not has_header else _restamped(data, stamped))
                 count += 1
@@ -106,6 +112,9 @@ def _publishers(node: Node, reader: BagReader) -> dict[str, tuple[Any, bool]]:
     """Publisher by topic, and whether its messages begin with a header; types that are not known are said."""
     publishers = {}
     for topic, msgtype in reader.topics.items():
+        if reader.encodings[topic] != "cdr":
+            node.get_logger().warning(f"{topic} is not played: it is encoded as {reader.encodings[topic]!r}")
+            continue
         try:
             package, kind_of, name = msgtype.split("/")
             kind = getattr(import_module(f"{package}.{kind_of}"), name)
@@ -177,19 +186,38 @@ def _wait_for_subscribers(publishers: list[Any], seconds: float, executor: Event
 
 
 def _paced(
-    reader: BagReader, publishers: dict[str, Any], rate: float, executor: EventsExecutor, stopping: list[int]
+    node: Node,
+    reader: BagReader,
+    publishers: dict[str, Any],
+    rate: float,
+    max_gap: float,
+    executor: EventsExecutor,
+    stopping: list[int],
 ) -> Iterator[tuple[str, bytes, int]]:
     """Topic, message, and the distance from recorded time to the present, each message when it is due."""
-    begin = recorded = None
+    begin = recorded = last = None
     for topic, _, log_time, _, data in reader.messages(publishers):
-        if begin is None or recorded is None:
-            begin, recorded = time.monotonic(), log_time
+        if begin is None or recorded is None or last is None:
+            begin, recorded, last = time.monotonic(), log_time, log_time
+        if log_time - last > max_gap * _SECOND:
+            gap = (log_time - last) / _SECOND
+            node.get_logger().warning(f"a gap of {_spoken(gap)} is skipped; --max-gap {math.ceil(gap)} keeps it")
+            recorded += log_time - last
+        last = log_time
         due = begin + (log_time - recorded) * 1e-9 / rate
         while (left := due - time.monotonic()) > 0.0 and not stopping:
             executor.spin_once(timeout_sec=min(left, 0.2))  # to an absolute moment, so that delays do not add up
         if stopping:
             return
         yield topic, data, time.time_ns() - log_time
+
+
+def _spoken(seconds: float) -> str:
+    """A long time for people."""
+    for name, length in (("years", 365.25 * 86400.0), ("days", 86400.0), ("hours", 3600.0)):
+        if seconds >= 2.0 * length:
+            return f"{seconds / length:.1f} {name}"
+    return f"{seconds:.0f} s"
 
 
 def _restamped(data: bytes, distance: int) -> bytes:

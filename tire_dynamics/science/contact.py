@@ -270,7 +270,7 @@ def is_varying(unit: TireWheelUnit) -> bool:
 
 
 def stability(
-    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30
+    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30, *, turn: bool = True
 ) -> FloquetResult:
     """Floquet stability on the road, without lift-off, at a constant speed.
 
@@ -283,6 +283,8 @@ def stability(
     n_max : int
         Highest belt harmonic. Of a tire whose sidewall varies all of them are coupled, and the work grows as its cube:
         about 1 s for 10.
+    turn : bool
+        Whether there is to be a period, a turn, and its multipliers; of a tire that varies there always is.
 
     Returns
     -------
@@ -298,13 +300,13 @@ def stability(
     """
     period = 2.0 * math.pi / abs(speed) if abs(speed) > 1e-300 else None
     if not is_varying(unit):
-        return floquet.analyze_constant(open_system(unit, speed, model, n_max).closed(), period)
+        return floquet.analyze_constant(open_system(unit, speed, model, n_max).closed(), period if turn else None)
     system, _ = periodic_system(unit, speed, model, n_max)
     if period is None:
         return floquet.analyze_constant(system.at(0.0))
     often = math.gcd(*system.harmonics)
-    turn = transition(system, speed, 0.0, math.copysign(2.0 * math.pi / often, speed))
-    return floquet.judge(turn.matrix[0], float(turn.log_norm[0]), float(turn.error[0]), period, often)
+    part = transition(system, speed, 0.0, math.copysign(2.0 * math.pi / often, speed))
+    return floquet.judge(part.matrix[0], float(part.log_norm[0]), float(part.error[0]), period, often)
 
 
 def periodic_system(

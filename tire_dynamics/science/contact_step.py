@@ -682,6 +682,23 @@ class ContactStepper:
             force[1] -= unit.suspension_damping * self.state[n] + unit.suspension_stiffness * self.state[n + 1]
         return force
 
+    def wheel_height(self) -> float:
+        """How far the wheel's centre has moved from where it is without load, y, up [m]."""
+        q = self.state[self._half : 2 * self._half] + self.spin.rest_one[self._half : 2 * self._half]
+        return float(q[2 if self.model == "inextensional" else 4])
+
+    def belt(self, psi: ArrayLike) -> FloatArray:
+        """Radial deflection of the belt at angles fixed in space [rad], outward, relative to the wheel's centre [m]."""
+        angles = np.asarray(psi, dtype=np.float64)
+        half = self._half
+        q = self.state[half : 2 * half] + self.spin.rest_one[half : 2 * half]
+        x = 0.0 if self.unit.is_longitudinally_rigid else float(q[-1])
+        state = (self.spin.right @ (self.own + self.spin.rest)[..., None])[..., 0]
+        radial, _ = self._modes.amplitudes(state)
+        waves = np.exp(1j * np.multiply.outer(angles, self.points.numbers))
+        one = (q[0] - x) * np.cos(angles) + (q[1] - self.wheel_height()) * np.sin(angles)
+        return np.asarray(one + (waves @ np.conj(radial)).real)
+
 
 def _sum(weights: FloatArray, each: ComplexArray) -> ComplexArray:
     """sum_j weights_j each_j."""

@@ -16,6 +16,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from . import contact as road
 from .floquet import VERDICTS, constant_verdicts
 from .nonuniform_matrices import is_irreducibly_periodic
 from .response import transmissibility
@@ -23,7 +24,7 @@ from .unit import NUMBERS, ROAD, TireWheelUnit
 from .wheel_matrices import Model, fixed_frame, stacked_frames
 from .wheel_stability import crossings
 
-__all__ = ["AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
+__all__ = ["AXES", "ROAD_AXES", "StabilityMap", "TransmissibilityMap", "stability_map", "transmissibility_map"]
 
 FloatArray = NDArray[np.float64]
 Over = Callable[[Callable[[Any], Any], Iterable[Any]], Iterable[Any]]
@@ -31,10 +32,11 @@ Axis = tuple[str, ArrayLike]
 
 AXES: Final = (
     *NUMBERS,
-    *ROAD,
     "speed",
 )
+ROAD_AXES: Final = (*AXES, *ROAD)  # of maps of stability on the road
 UNSTABLE: Final = VERDICTS.index("unstable")
+ROAD_BLOCK: Final = 16  # points on the road, a second of work about
 BLOCK: Final = 8192  # points that are computed together: some 10 MB
 LINES: Final = 32  # lines along the speed whose crossings are found together
 SHARP: Final = 1e-6  # of a crossing's coordinate; the verdict itself knows it to 1e-10, about
@@ -93,6 +95,8 @@ def stability_map(
     *,
     speed: float | None = None,
     model: Model = "inextensional",
+    contact: bool = False,
+    n_max: int = 30,
     over: Over = map,
 ) -> StabilityMap:
     """Floquet stability over two fields, or over one and the speed.
@@ -106,6 +110,10 @@ def stability_map(
     speed : float
         Spin Omega [rad/s], where no axis is the speed.
     model : {"inextensional", "complete"}
+    contact : bool
+        On the road, without lift-off. A point then takes some 10 ms, and the boundary is found between points alone.
+    n_max : int
+        Highest belt harmonic on the road.
     over : callable
         Like the built-in ``map``, and may be an executor's: spreads the work, and does not change a bit.
 
@@ -127,11 +135,11 @@ def stability_map(
     [['asymptotically stable', 'asymptotically stable'], ['asymptotically stable', 'unstable']]
     """
     fixed_frame(unit, model)  # says what is wrong with the model
-    if is_irreducibly_periodic(unit, model):
+    if is_irreducibly_periodic(unit, model) or contact and road.is_varying(unit):
         raise ValueError("the unit's sidewall is not uniform; it can be mapped over nonuniformity and the speed")
-    grid = _grid(unit, x, y, speed, model)
+    grid = _grid(unit, x, y, speed, model, int(n_max) if contact else 0)
     nx, ny = grid.x.size, grid.y.size
-    starts = range(0, nx * ny, BLOCK)
+    starts = range(0, nx * ny, ROAD_BLOCK if grid.n_max else BLOCK)
     abscissa, verdict = (
         np.concatenate(parts).reshape(ny, nx) for parts in zip(*over(partial(_block, grid), starts), strict=True)
     )
@@ -159,6 +167,7 @@ class _Grid:
     y: FloatArray
     speed: float | None
     model: Model
+    n_max: int = 0  # of a tire on the road; 0: under a given load
 
 
 class _Units(TireWheelUnit):
@@ -176,8 +185,10 @@ class _Units(TireWheelUnit):
         return not np.any(self.longitudinal_stiffness)  # all or none: the corners are looked at
 
 
-def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Model) -> _Grid:
-    (x_name, x_values), (y_name, y_values) = ((name, _increasing(name, values)) for name, values in (x, y))
+def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Model, n_max: int = 0) -> _Grid:
+    (x_name, x_values), (y_name, y_values) = (
+        (name, _increasing(name, values, ROAD_AXES if n_max else AXES)) for name, values in (x, y)
+    )
     if x_name == y_name:
         raise ValueError(f"both axes are {x_name!r}; they must be two")
     if "speed" in (x_name, y_name):
@@ -187,7 +198,7 @@ def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Mod
         raise ValueError("speed is missing; it must be given, or be one of the axes")
     elif not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
-    grid = _Grid(unit, x_name, y_name, x_values, y_values, speed, model)
+    grid = _Grid(unit, x_name, y_name, x_values, y_values, speed, model, n_max)
     corners = ((i, j) for i in (0, -1) for j in (0, -1))  # bounds are intervals: what holds here holds between
     units = [unit.replace(**_fields(grid, float(x_values[i]), float(y_values[j]))) for i, j in corners]
     if len({each.is_longitudinally_rigid for each in units}) > 1:
@@ -195,9 +206,10 @@ def _grid(unit: TireWheelUnit, x: Axis, y: Axis, speed: float | None, model: Mod
     return grid
 
 
-def _increasing(name: str, values: ArrayLike) -> FloatArray:
-    if name not in AXES:
-        raise ValueError(f"{name!r} cannot be an axis; the axes are {', '.join(AXES)}")
+def _increasing(name: str, values: ArrayLike, axes: tuple[str, ...]) -> FloatArray:
+    if name not in axes:
+        where = " on the road alone, with contact" if name in ROAD_AXES else ""
+        raise ValueError(f"{name!r} can{'' if where else 'not'} be an axis{where}; the axes are {', '.join(axes)}")
     array = np.array(values, dtype=np.float64)
     if array.ndim != 1 or not array.size:
         raise ValueError(f"{name} has values of shape {array.shape}; it must be (n,) with n >= 1")
@@ -223,13 +235,15 @@ def _speeds(grid: _Grid) -> FloatArray:
 
 def _block(grid: _Grid, start: int) -> tuple[FloatArray, NDArray[np.int8]]:
     """Spectral abscissa and verdict at the points with number ``start`` and the next, counted along the rows."""
-    points = np.arange(start, min(start + BLOCK, grid.x.size * grid.y.size))
+    points = np.arange(start, min(start + (ROAD_BLOCK if grid.n_max else BLOCK), grid.x.size * grid.y.size))
     rows, columns = np.divmod(points, grid.x.size)
     return _judge(grid, grid.x[columns], grid.y[rows])
 
 
 def _judge(grid: _Grid, x: FloatArray, y: FloatArray) -> tuple[FloatArray, NDArray[np.int8]]:
     """Spectral abscissa [1/s] and verdict at N points (x, y)."""
+    if grid.n_max:
+        return _judge_on_the_road(grid, x, y)
     speed = y if grid.y_name == "speed" else x if grid.x_name == "speed" else np.array(grid.speed)
     system = stacked_frames(_Units(grid.unit, **_fields(grid, x, y)), x.shape, grid.model)
     with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is not accepted
@@ -239,6 +253,18 @@ def _judge(grid: _Grid, x: FloatArray, y: FloatArray) -> tuple[FloatArray, NDArr
     sizes[:, half:] = np.ldexp(1.0, -np.frexp(np.sqrt(np.abs(F[:, :half, half:]).max(axis=(1, 2))))[1])[:, None]
     exponents, verdict = constant_verdicts(F, sizes)
     return exponents.real.max(axis=1), verdict
+
+
+def _judge_on_the_road(grid: _Grid, x: FloatArray, y: FloatArray) -> tuple[FloatArray, NDArray[np.int8]]:
+    """The same, a point at a time."""
+    abscissa, verdict = np.empty(x.size), np.empty(x.size, dtype=np.int8)
+    for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)):
+        unit = grid.unit.replace(**_fields(grid, a, b))
+        speed = b if grid.y_name == "speed" else a if grid.x_name == "speed" else grid.speed
+        assert speed is not None
+        found = road.stability(unit, speed, grid.model, grid.n_max, turn=False)
+        abscissa[k], verdict[k] = found.exponents.real.max(), VERDICTS.index(found.verdict)
+    return abscissa, verdict
 
 
 # -- the boundary -------------------------------------------------------------------------------------------------
@@ -270,7 +296,7 @@ def _crossings(grid: _Grid, unstable: NDArray[np.bool_], over: Over) -> tuple[Fl
     number = np.full((grid.y.size, max(grid.x.size - 1, 0)), -1)
     changes = unstable[:, 1:] != unstable[:, :-1]
     found = np.zeros((0, 2))
-    if grid.x_name == "speed":
+    if grid.x_name == "speed" and not grid.n_max:
         starts = range(0, grid.y.size, LINES)
         parts = list(over(partial(_along_speed, grid), starts))
         points, rows = (np.concatenate(part) for part in zip(*parts, strict=True))
