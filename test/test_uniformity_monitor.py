@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tire_dynamics.estimator.vehicle import Output
-from tire_dynamics.ros.uniformity_monitor import Variations
+from tire_dynamics.ros.uniformity_monitor import UniformityMonitor
 
 
 def force(phi):
@@ -17,13 +17,13 @@ def force(phi):
 
 def driven(speed, seconds, *, drift=0.0, wheels=(1,)):
     """After driving at 500 Hz, looked at as the node does: four times a second, one of two wheels each time."""
-    found = Variations(2)
+    found = UniformityMonitor(2)
     for tick in range(round(500 * seconds)):
         time = tick / 500.0
         phi = math.fmod(speed * time, 2.0 * math.pi)
         found.note(np.array([phi, phi]), [Output(index, 0.0, force(phi) + drift * time) for index in wheels])
         if tick % 125 == 0:
-            found.take_up((tick // 125) % 2)
+            found.update((tick // 125) % 2)
     return found
 
 
