@@ -21,7 +21,7 @@ from ..files.errors import InputError
 from ..files.progress import progress
 from .inputs import first_reasons, hint, reasons
 from .parameters import NODE_NAME, complete, read_config
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types, is_input
 
 __all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
 
@@ -486,7 +486,7 @@ def _between_records(blocks: Iterable[Events]) -> Iterator[Events]:
 def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[Events]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
-    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
+    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or is_input(topic)}
     blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
         topics = tuple(relative.get(name, "") for name in block.topics)
@@ -508,7 +508,7 @@ def _received(reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, q
     """
     period = pipeline.vehicle.settings.period
     silence = 2 * pipeline.vehicle.settings.input_timeout + period
-    relative = {names[topic]: topic for topic in names if _is_input(topic)}
+    relative = {names[topic]: topic for topic in names if is_input(topic)}
     due = last = None
     blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
@@ -565,7 +565,3 @@ def _size(block: Block) -> int:
 
 def _up_to_multiple(moment: int, period: int) -> int:
     return -(-moment // period) * period
-
-
-def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force"))

@@ -10,7 +10,7 @@ import pytest
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.estimator.settings import VehicleSettings
 from tire_dynamics.estimator.wheels import Wheels
-from tire_dynamics.ros.uniformity_monitor import Variations, variation_of
+from tire_dynamics.ros.uniformity_monitor import UniformityMonitor, variation_of
 
 
 def force(phi):
@@ -25,7 +25,7 @@ def driven(speed, seconds, *, drift=0.0):
     return variation_of(np.stack([phi, force(phi) + drift * time], axis=1))
 
 
-class Known(Variations):
+class Known(UniformityMonitor):
     """What the diagnostics say of a variation."""
 
     def __init__(self, found):
@@ -58,7 +58,7 @@ def test_a_load_that_rises_is_no_harmonic():
 def test_what_is_kept_is_bounded(speed, most):
     """Each 200th of a turn, at 500 Hz: a wheel that stands keeps one sample, one that crawls few."""
     wheels = Wheels(VehicleSettings(TireWheelUnit.table_1(), ("left", "right"), ("left", "right")))
-    found = Variations(wheels)
+    found = UniformityMonitor(wheels)
     for tick in range(1, 2501):
         now = tick * 2_000_000
         if tick % 10 == 1:
