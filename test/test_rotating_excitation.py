@@ -273,11 +273,11 @@ def turned_axes(phi, speed, n):
 @pytest.mark.parametrize("model", ["inextensional", "complete"])
 @pytest.mark.parametrize("damping", ["modal", "reaction"])
 @pytest.mark.parametrize(("change", "irreducible"), [({}, False), ({"longitudinal_mass": 9.0}, True), (None, True)])
-def test_reducible_is_what_axes_that_turn_make_constant(model, damping, change, genuine):
+def test_reducible_is_what_axes_that_turn_make_constant(model, damping, change, irreducible):
     """On a support without direction; one that differs in mass alone, or holds the wheel, leaves it periodic."""
     round_support = {"longitudinal_stiffness": TABLE_1.suspension_stiffness, "longitudinal_damping_ratio": 0.05}
     unit = TABLE_1.replace(**SIDEWALL, sidewall_damping=damping, **({} if change is None else round_support | change))
-    assert nonuniform.is_irreducibly_periodic(unit, model) == genuine
+    assert nonuniform.is_irreducibly_periodic(unit, model) == irreducible
     assert not nonuniform.is_irreducibly_periodic(unit.mean, model)
     if change is None:
         return
@@ -288,7 +288,7 @@ def test_reducible_is_what_axes_that_turn_make_constant(model, damping, change, 
         matrices.append(T @ F @ np.linalg.inv(T))
     largest = np.abs(matrices[0]).max()
     differs = max(np.abs(each - matrices[0]).max() for each in matrices) / largest
-    assert differs > 1e-3 if genuine else differs < 1e-13  # the rounding of three products
+    assert differs > 1e-3 if irreducible else differs < 1e-13  # the rounding of three products
 
 
 def test_growth_in_a_tongue_is_the_multipliers():

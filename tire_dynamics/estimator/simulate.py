@@ -105,8 +105,9 @@ def simulate(
         [_series("load", load, t.size), _series("traction", 0.0 if traction is None else traction, t.size)], axis=1
     )
     if initial == "equilibrium":
+        load_at_first, traction_at_first = force[0].tolist()
         start = rotating_excitation.steady_state(
-            unit, float(omega[0]), float(force[0, 0]), float(force[0, 1]), angle, model
+            unit, float(omega[0]), load_at_first, traction_at_first, angle, model
         )
     elif initial == "rest":
         start = np.zeros(wheel.states(unit, model))
