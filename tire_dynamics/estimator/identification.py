@@ -25,7 +25,7 @@ from .simulate import simulate
 __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recording", "Seen", "identify"]
 
 FloatArray = NDArray[np.float64]
-Joined = Literal["smooth", "lines", "held"]
+Joined = Literal["smooth", "lines", "zero-order-hold"]
 
 DEFAULT_FIT: Final = ("k_1", "zeta_1", "wheel_mass", "suspension_stiffness", "zeta_s")
 FORE_AFT: Final = ("longitudinal_stiffness", "longitudinal_damping_ratio", "longitudinal_mass")
@@ -209,9 +209,9 @@ def identify(
         Of ``FITTED``.
     axes : {"z", "xz"}
         What was measured: the force on the suspension, or force.x as well.
-    joined : {"smooth", "lines", "held"}
+    joined : {"smooth", "lines", "zero-order-hold"}
         What the load was between its samples: a cubic spline, for a quantity that was sampled faster than it changes;
-        straight lines, as :func:`.simulate` has them; or held, as the live estimator takes it.
+        straight lines, as :func:`.simulate` has them; or a zero-order hold, as the live estimator takes it.
     prior_width : float or mapping of str to float
         Standard deviation of the prior of each parameter's logarithm, of all or by their names; 0.5 of those that a
         mapping leaves out.
@@ -349,7 +349,7 @@ class _Problem:
         else:
             time = np.interp(np.arange(parts * (stamps.size - 1) + 1) / parts, np.arange(stamps.size), stamps)
             forces = np.column_stack([np.interp(time, stamps, column) for column in inputs.T])
-            if self.joined == "held":  # a step is a line over a nanosecond
+            if self.joined == "zero-order-hold":  # a step is a line over a nanosecond
                 held = inputs[np.arange(time.size - 1) // parts]
                 before = np.arange(parts, time.size, parts)
                 forces = np.insert(np.concatenate([held, inputs[-1:]]), before, inputs[before // parts - 1], axis=0)

@@ -13,7 +13,19 @@ from typing import Any, Final, Literal
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
 
-__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "ROTATING", "TireWheelUnit"]
+__all__ = [
+    "HARMONICS",
+    "MODAL",
+    "NOT_NEGATIVE",
+    "NUMBERS",
+    "RATIOS",
+    "REACTION",
+    "ROAD",
+    "ROTATING",
+    "TireWheelUnit",
+    "UNBOUNDED",
+    "WIDEST_CONTACT",
+]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
@@ -28,10 +40,20 @@ ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle", "contact_sti
 ROAD: Final = ("vertical_stiffness", "residual_damping", "sprung_mass")
 """The fields that matter on the road alone, and not under a load that is given."""
 
-_NOT_NEGATIVE: Final = (
+NOT_NEGATIVE: Final = (
     *("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", "contact_stiffness"),
     *ROAD,
 )
+"""The fields that must be >= 0."""
+
+RATIOS: Final = ("zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio")
+"""The fields that are damping ratios, in [0, 1)."""
+
+UNBOUNDED: Final = ("imbalance_angle",)
+"""The fields that may have any finite value. Every other number must be > 0, but for the contact's angle."""
+
+WIDEST_CONTACT: Final = 0.5 * math.pi
+"""The largest ``contact_half_angle`` [rad]; the smallest is 0."""
 
 
 @dataclass(frozen=True)
@@ -149,15 +171,15 @@ class TireWheelUnit:
                 number = math.inf
             if not math.isfinite(number):
                 raise ValueError(f"{field.name} is {number!r}; it must be finite")
-            if field.name.startswith("zeta_") or field.name == "longitudinal_damping_ratio":
+            if field.name in RATIOS:
                 if not 0.0 <= number < 1.0:
                     raise ValueError(f"{field.name} is {number!r}; a damping ratio must be in [0, 1)")
             elif field.name == "contact_half_angle":
-                if not 0.0 <= number <= 0.5 * math.pi:
+                if not 0.0 <= number <= WIDEST_CONTACT:
                     raise ValueError(f"{field.name} is {number!r}; it must be in [0, pi/2]")
-            elif field.name == "imbalance_angle":
+            elif field.name in UNBOUNDED:
                 pass
-            elif field.name in _NOT_NEGATIVE:
+            elif field.name in NOT_NEGATIVE:
                 if number < 0.0:
                     raise ValueError(f"{field.name} is {number!r}; it must be >= 0")
             elif number <= 0.0:
