@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
@@ -308,6 +308,23 @@ class TireWheelUnit:
                 raise ValueError(f"{field.name} is missing; it has no default")
         return cls(**mapping)
 
+    @classmethod
+    def from_yaml(cls, path: Any) -> TireWheelUnit:
+        """A unit from a YAML file, as :func:`tire_dynamics.read_unit` reads it."""
+        return cast(TireWheelUnit, _package().read_unit(path))
+
+    def to_yaml(self, path: Any) -> None:
+        """Write the fields to a YAML file, as :func:`tire_dynamics.write_unit` does."""
+        _package().write_unit(self, path)
+
+    @classmethod
+    def from_tir(
+        cls, path: Any, *, wheel_mass: float, suspension_stiffness: float, **fields: Any
+    ) -> TireWheelUnit:
+        """A unit with a property file's rigid ring, as :func:`tire_dynamics.read_tir_unit` reads it."""
+        given = {"wheel_mass": wheel_mass, "suspension_stiffness": suspension_stiffness, **fields}
+        return cast(TireWheelUnit, _package().read_tir_unit(path, **given))
+
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values; harmonics as lists of lists."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -320,3 +337,8 @@ NUMBERS: Final = tuple(
     if field.name not in (*ROTATING, *ROAD, "sidewall_damping")
 )
 """The fields of numbers that the uniform tire has, on the road or not."""
+
+
+def _package() -> Any:
+    """The package, whose public functions meet files; no module of science opens one."""
+    return __import__(__name__.partition(".")[0])
