@@ -348,7 +348,7 @@ ESTIMATE = "--corner-mass 400 --load-unit"
          "by their names 'left_kmh', 'right_kmh' have another unit than rad/s"),
         (PLAIN, SPEED, LOAD, np.arange(N) + 0.0, "", "speeds are 0, 1, ... s: do they count rows?"),
         ("dist,left,right,a,b", SPEED, LOAD, TIME, "", "column 'dist' is taken for the time: is it a distance?"),
-        (PLAIN, SPEED, LOAD, np.repeat(TIME[::2], 2), "", "50 of the speeds have the time of the one before"),
+        (PLAIN, SPEED, LOAD, np.repeat(TIME[::2], 2), "", "50 of 100 speeds have the time of the one before"),
         (PLAIN, SPEED * [1.0, 3.6], LOAD, TIME, "", "right turns 3.6"),
         (PLAIN, SPEED * [1.0, -1.0], LOAD, TIME, "", "right turns the other way than the rest"),
         (PLAIN, SPEED * [1.0, 0.0], LOAD, TIME, "", "the speed of right is 0 all the time"),

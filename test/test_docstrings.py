@@ -22,6 +22,9 @@ from tire_dynamics.replay.replay import replay
 MODULES = [
     "science.unit",
     "estimator.simulate",
+    "files.unit_file",
+    "files.vehicle_file",
+    "files.tir_unit",
     "estimator.vehicle_parameters",
     "estimator.load_filter",
     "estimator.load_estimate",

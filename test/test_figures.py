@@ -22,7 +22,7 @@ from tire_dynamics.cli.figures import FIGURES
 from tire_dynamics.cli.main import main
 from tire_dynamics.figures import tables
 from tire_dynamics.files.errors import InputError
-from tire_dynamics.science import nonuniform
+from tire_dynamics.science import campbell, nonuniform
 from tire_dynamics.science.modes import RingModes
 
 RPM = np.pi / 30.0
@@ -318,7 +318,7 @@ def test_campbell_two_waves_share_the_damping_of_their_mode(n):
 @pytest.mark.parametrize("n", [2, 3, 7])
 def test_undamped_waves_have_the_natural_frequencies(model, speed, n):
     modes = RingModes(UNIT.replace(zeta_n=0.0), [n], model)
-    [exponents] = tables.wave_exponents(modes, speed)
+    [exponents] = campbell.wave_exponents(modes, speed)
     on_ring = np.sort(np.abs(exponents.imag - n * speed))
     expected = ring.natural_frequencies(UNIT, n, speed, model)[:2]
     np.testing.assert_allclose(on_ring, expected, rtol=1e-7)  # the complete quartic has K^2-sized coefficients
@@ -352,16 +352,16 @@ def test_multipliers_hold_the_reference_moduli():
 def test_multipliers_are_those_of_the_periodic_matrix(rpm):
     row = at("multipliers", rpm)
     result = floquet.analyze(lambda t: wheel.state_matrix(UNIT, rpm * RPM, t), 60.0 / rpm)
-    drawn = np.array([row[f"{mode}_real"] + 1j * row[f"{mode}_imag"] for mode in tables.WHEEL_MODES])
+    drawn = np.array([row[f"{mode}_real"] + 1j * row[f"{mode}_imag"] for mode in campbell.WHEEL_MODES])
     assert result.multipliers.size == 6
     for multiplier in (*drawn, *drawn.conj()):
         assert np.abs(result.multipliers - multiplier).min() < 1e-8 + result.error_estimate
-    np.testing.assert_allclose(np.abs(drawn), [row[f"{mode}_modulus"] for mode in tables.WHEEL_MODES], rtol=1e-14)
+    np.testing.assert_allclose(np.abs(drawn), [row[f"{mode}_modulus"] for mode in campbell.WHEEL_MODES], rtol=1e-14)
 
 
 def test_multipliers_leave_the_circle_at_the_loss_of_stability():
     columns = table("multipliers")
-    largest = np.max([columns[f"{mode}_modulus"] for mode in tables.WHEEL_MODES], axis=0)
+    largest = np.max([columns[f"{mode}_modulus"] for mode in campbell.WHEEL_MODES], axis=0)
     critical = wheel.critical_speed(UNIT) / RPM
     np.testing.assert_array_equal(largest > 1.0, columns["speed_rpm"] > critical)
     assert columns["speed_rpm"][0] < critical < columns["speed_rpm"][-1]
@@ -369,7 +369,7 @@ def test_multipliers_leave_the_circle_at_the_loss_of_stability():
 
 def test_paths_of_the_multipliers_do_not_jump():
     columns = table("multipliers")
-    for mode in tables.WHEEL_MODES:
+    for mode in campbell.WHEEL_MODES:
         path = columns[f"{mode}_real"] + 1j * columns[f"{mode}_imag"]
         assert np.abs(np.diff(path)).max() < 0.1  # 10 rpm at 2000 rpm turn omega T = 20 rad by 0.1 rad
 

@@ -362,12 +362,12 @@ def test_joint_states_and_a_tire_file(tmp_path, capsys):
 
 
 def test_a_log_gives_its_own_tire(bag, tmp_path, capsys):
-    """The node holds its samples: --between held finds the tire of a replay from the forces in it."""
+    """The node holds its samples: --between zero-order-hold finds the tire of a replay from the forces in it."""
     write_unit(CAR, tmp_path / "car.yaml")
     assert main(["replay", str(bag), "-o", str(tmp_path / "log"), "--config", str(tmp_path / "car.yaml"), "-q"]) == 0
     write_unit(START, tmp_path / "start.yaml")
     arguments = ["identify", str(tmp_path / "log"), "--measured", "/wheel/axle_wrench"]
-    arguments += ["--start", str(tmp_path / "start.yaml"), "--fit", ",".join(FIT), "--between", "held"]
+    arguments += ["--start", str(tmp_path / "start.yaml"), "--fit", ",".join(FIT), "--between", "zero-order-hold"]
     assert main([*arguments, "-o", str(tmp_path / "unit.yaml"), "-q"]) == 0
     unit = read_unit(tmp_path / "unit.yaml")
     for name in FIT:

@@ -93,7 +93,8 @@ def test_bags_are_replayed_as_alone_and_a_broken_one_is_named(drives, tmp_path, 
     bags = [drives / name for name in ("wild", "broken", "four", "single.mcap", "nowhere")]
     done = called("replay", *bags, "-o", tmp_path / "out", *options)
     assert done.returncode == 2 and done.stdout == ""
-    *failed, summary = done.stderr.splitlines()
+    *lines, summary = done.stderr.splitlines()
+    failed = [line for line in lines if ": doubtful: " not in line]
     assert summary == f"{tmp_path / 'out'}: 3 of 5 bags replayed"
     assert sorted(failed) == [
         f"tire-dynamics: {drives / 'broken'}: {drives / 'broken' / 'metadata.yaml'}: is not the description of a bag",
@@ -183,7 +184,9 @@ def test_what_is_refused(tmp_path, monkeypatch, arguments, words):
 def test_progress_in_a_terminal_and_none_in_a_pipe(drives, tmp_path):
     arguments = ("replay", drives / "four", drives / "wild", "--jobs", 2, "-o")
     piped = started(*arguments, tmp_path / "piped")
-    assert piped.communicate(timeout=300)[1] == f"{tmp_path / 'piped'}: 2 of 2 bags replayed\n"
+    lines = piped.communicate(timeout=300)[1].splitlines()
+    told = [line for line in lines if ": doubtful: " not in line]
+    assert told == [f"{tmp_path / 'piped'}: 2 of 2 bags replayed"]
     ours, theirs = pty.openpty()
     process = started(*arguments, tmp_path / "shown", stderr=theirs)
     os.close(theirs)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
+from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import MessageError
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.ros.markers import MARKER_ARRAY, MarkerBuilder
@@ -117,13 +118,17 @@ def test_the_road_is_where_the_models_contact_is():
 def test_the_belt_is_the_pipelines():
     """The points of `ring_shape`, with the two columns of deflection behind them, are drawn as they are."""
     pipeline = Pipeline({"ring_samples": 8})
-    deflection = np.zeros((1, 2, 8))
-    deflection[0, 0, 6] = -0.01  # pressed in by 10 mm at psi = 3 pi/2
-    points = pipeline._points(deflection)[0]
+    pipeline.receive("wheel/wheel_speed", 1, messages.encode_float64(0.0))
+    pipeline.receive("wheel/load_force", 1, messages.encode_float64(4000.0))
+    pipeline.tick(1)
+    shape = dict(pipeline.belts())["wheel/ring_shape"]
+    points = messages.ring_points(shape, 8)
     belt, _, contact = read(MarkerBuilder("a", 8).build(0, points, (0, 0), (0, 4000), SCALE))
     np.testing.assert_array_equal(coordinates(belt)[:-1], points[:, :3])
-    # the point's x is rounding of cos(3 pi/2)
-    np.testing.assert_allclose(coordinates(contact)[1], (0, 0, 0.01 - pipeline.vehicle.unit.radius), rtol=0, atol=1e-15)
+    # the contact is where the belt is at psi = 3 pi/2, pressed in; x is rounding of cos(3 pi/2)
+    pressed = points[6, 3]
+    assert pressed < -0.005
+    np.testing.assert_allclose(coordinates(contact)[1], (0, 0, -pipeline.vehicle.unit.radius - pressed), atol=1e-7)
 
 
 def test_nothing_is_left_from_the_message_before():

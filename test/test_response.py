@@ -353,7 +353,7 @@ def test_numbers_and_picture(tmp_path, capsys):
 def test_the_picture_has_the_numbers(tmp_path):
     """Every line of the figure against the response, the cross terms at standstill left out."""
     pytest.importorskip("matplotlib", reason="the extra `plot` brings it")
-    from tire_dynamics.cli.response import Bode
+    from tire_dynamics.figures.bode import Bode
     from tire_dynamics.figures.response_drawing import draw
 
     f = np.geomspace(1.0, 300.0, 200)

@@ -46,6 +46,7 @@ def test_a_live_log_of_a_road_is_replayed_bit_for_bit(bench, tmp_path):
 
     values = one.until(said, "a diagnosis")
     assert values["load source"] == "road" and "road height [m]" in values
+    assert values["stability is of contact"] == "True"
     one.close()
     (log,) = (tmp_path / "logs").iterdir()
     replay(log, tmp_path / "again", quiet=True)

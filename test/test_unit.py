@@ -439,3 +439,12 @@ def test_read_yaml_nested(tmp_path):
     assert read_yaml(path) == {"a": {"b": 1000.0, "c": [0.001, 2e6]}}
     with pytest.raises(ValueError, match="'b' is given twice"):
         read_yaml(write(path, "a: {b: 1, b: 2}\n"))
+
+
+def test_the_units_own_methods_read_and_write_the_same_files(tmp_path):
+    unit = TireWheelUnit.table_1(zeta_1=0.1)
+    unit.to_yaml(tmp_path / "unit.yaml")
+    assert TireWheelUnit.from_yaml(tmp_path / "unit.yaml") == unit
+    with pytest.raises(ValueError, match="missing"):
+        (tmp_path / "bad.yaml").write_text("density: -1.0\n")
+        TireWheelUnit.from_yaml(tmp_path / "bad.yaml")

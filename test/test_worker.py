@@ -37,19 +37,19 @@ def worker():
     made.close()
 
 
-def take_up(worker: Worker, heard: list, count: int) -> None:
+def deliver(worker: Worker, heard: list, count: int) -> None:
     while len(heard) < count:
-        worker.take_up(1)
+        worker.deliver(1)
         os.sched_yield()
 
 
 def test_work_is_done_elsewhere_and_heard_of_here(worker):
     gate, heard = Gate(7), []
     assert worker.ask("a", gate, lambda result, error: heard.append((result, error, threading.get_ident())))
-    worker.take_up(8)
+    worker.deliver(8)
     assert heard == [] and worker.waiting == 1
     gate.let_go()
-    take_up(worker, heard, 1)
+    deliver(worker, heard, 1)
     assert heard == [(7, None, threading.get_ident())] and worker.waiting == 0
     assert len(gate.threads) == 1 and gate.threads[0] != threading.get_ident()
 
@@ -59,10 +59,10 @@ def test_of_one_key_one_is_done_for_all(worker):
     for k in range(3):
         assert worker.ask("a", gate, lambda result, error, k=k: heard.append((k, result)))
     gate.let_go()
-    take_up(worker, heard, 3)
+    deliver(worker, heard, 3)
     assert heard == [(0, 7), (1, 7), (2, 7)] and len(gate.threads) == 1
     assert worker.ask("a", gate, lambda result, error: heard.append("again"))  # what is done is not kept
-    take_up(worker, heard, 4)
+    deliver(worker, heard, 4)
     assert len(gate.threads) == 2
 
 
@@ -72,9 +72,9 @@ def test_so_many_wait_and_no_more(worker):
     assert results == [True] * 4 + [False] * 2
     assert worker.ask("urgent", gate, lambda *_: heard.append(1), urgent=True)
     gate.let_go()
-    take_up(worker, heard, 5)
+    deliver(worker, heard, 5)
     assert worker.waiting == 0 and worker.ask(0, gate, lambda *_: heard.append(1))
-    take_up(worker, heard, 6)
+    deliver(worker, heard, 6)
 
 
 def test_what_is_urgent_comes_before_what_waits(worker):
@@ -84,7 +84,7 @@ def test_what_is_urgent_comes_before_what_waits(worker):
     worker.ask("waiting", gate, lambda *_: heard.append("waiting"))
     worker.ask("urgent", gate, lambda *_: heard.append("urgent"), urgent=True)
     gate.let_go()
-    take_up(worker, heard, 3)
+    deliver(worker, heard, 3)
     assert heard == ["running", "urgent", "waiting"]
 
 
@@ -92,7 +92,7 @@ def test_what_work_raises_is_heard_of(worker):
     heard = []
     worker.ask("a", lambda: 1 // 0, lambda result, error: heard.append((result, type(error))))
     worker.ask("b", lambda: 2, lambda result, error: heard.append((result, error)))
-    take_up(worker, heard, 2)
+    deliver(worker, heard, 2)
     assert heard == [(None, ZeroDivisionError), (2, None)]
 
 
@@ -105,7 +105,7 @@ def test_who_hears_may_ask_for_the_same_again(worker):
             worker.ask("a", lambda: len(heard), again)
 
     worker.ask("a", lambda: 0, again)
-    take_up(worker, heard, 3)
+    deliver(worker, heard, 3)
     assert heard == [0, 1, 2]
 
 
@@ -118,5 +118,5 @@ def test_nothing_is_heard_of_what_was_forgotten(worker):
     assert worker.waiting == 0
     worker.ask("a", lambda: "new", lambda result, error: heard.append(result))  # the same key, and not the same work
     running.let_go()
-    take_up(worker, heard, 1)
+    deliver(worker, heard, 1)
     assert heard == ["new"] and waiting.threads == []

@@ -7,15 +7,12 @@ stamp is of simulated time. A wheel needs both on one clock.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cdr.messages import JOINT_STATE, WRENCH_STAMPED
-
-if TYPE_CHECKING:
-    from .reader import Block
+from .block import Block
 
 __all__ = ["CLOCKS", "STAMPED", "on_clock", "stamps_of"]
 

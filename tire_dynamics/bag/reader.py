@@ -20,7 +20,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
 from mcap import records
@@ -30,6 +30,7 @@ from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from ..files.errors import InputError
+from .block import Block
 from .chunks import HEAD, heads_at
 from .clock import CLOCKS, on_clock
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
@@ -75,30 +76,6 @@ Message = tuple[str, str, int, int, bytes]
 
 _Rows = NDArray[np.int64]  # (6, N), messages: place in the bag, topic, log time, publish time, start and size of data
 _UNDECLARED, _UNWANTED = -2, -1  # instead of a topic
-
-
-class Block(NamedTuple):
-    """A stretch of a bag as columns; message ``i`` is ``data[start[i] : start[i] + size[i]]``.
-
-    Attributes
-    ----------
-    topics : tuple of str
-    topic : (N,) ndarray of int
-        Index into ``topics``.
-    log_time, publish_time : (N,) ndarray of int
-        ns since the epoch.
-    data : bytes
-        The serialised messages (CDR), among other bytes.
-    start, size : (N,) ndarray of int
-    """
-
-    topics: tuple[str, ...]
-    topic: NDArray[np.int64]
-    log_time: NDArray[np.int64]
-    publish_time: NDArray[np.int64]
-    data: bytes
-    start: NDArray[np.int64]
-    size: NDArray[np.int64]
 
 
 class BagReader:

@@ -37,13 +37,14 @@ class _Task(NamedTuple):
 
 
 class _Done(NamedTuple):
-    """The bag as it was written, its messages in and out, what is wrong with the source, and wheels without outputs."""
+    """The bag as it was written, its messages in and out, and what there is to say about it."""
 
     folder: str
     received: int
     written: int
     damage: str
     without: dict[str, str]
+    doubts: list[str]
 
 
 def run(options: argparse.Namespace) -> int:
@@ -137,7 +138,7 @@ def _replay_one(task: _Task) -> _Done:
         clock=task.clock,
     )
     received, written = (sum(counts.values()) for counts in (summary.received, summary.written))
-    return _Done(str(Path(own) / task.name), received, written, summary.damage, summary.without)
+    return _Done(str(Path(own) / task.name), received, written, summary.damage, summary.without, summary.doubts)
 
 
 def _collect(
@@ -156,7 +157,7 @@ def _collect(
                 reason = result.reason.replace(os.path.abspath(source), source).removeprefix(f"{source}: ")
                 reason = reason.replace(os.path.join(os.getcwd(), ""), "")  # of what stands beside it
                 print(printable(f"tire-dynamics: {source}: {reason}"), file=sys.stderr)
-                bags[number] = {**bag, "output": None, "damage": None, "without": {}, "error": reason}
+                bags[number] = {**bag, "output": None, "damage": None, "without": {}, "doubts": [], "error": reason}
             else:
                 messages += result.received + result.written
                 if result.damage:
@@ -166,9 +167,11 @@ def _collect(
                     )
                 for wheel, reason in result.without.items():
                     print(printable(f"{source}: {wheel}: no output; {reason}"), file=sys.stderr)
+                for doubt in result.doubts:
+                    print(printable(f"{source}: doubtful: {doubt}"), file=sys.stderr)
                 counts = {"received": result.received, "written": result.written}
-                said = {"damage": result.damage or None, "without": result.without, "error": None}
-                bags[number] = {**bag, **counts, **said}
+                said = {"damage": result.damage or None, "without": result.without, "doubts": result.doubts}
+                bags[number] = {**bag, **counts, **said, "error": None}
             shown.advance(1, messages)
     return [bags[number] for number in sorted(bags)]
 

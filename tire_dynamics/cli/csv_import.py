@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..files.csv_table import ROS_TIME_S, TIME_UNITS, Column, Table, is_unit, read_table, unit_named
 from ..files.errors import InputError
-from ..files.plausibility import GRAVITY, Plausibility, acceleration_doubts
+from ..files.plausibility import GRAVITY, RECORD, Plausibility, acceleration_doubts
 from ..files.progress import progress
 from .answer import answer, printable
 
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 __all__ = ["RECORD", "add_arguments", "run"]
 
-RECORD = "tire_dynamics.import"  # name of the metadata record that says where the numbers come from
 
 _TURNING = {"rad/s": (1.0, ""), "rpm": (math.pi / 30.0, " * pi/30"), "rev/s": (2.0 * math.pi, " * 2 pi")}
 _TURNING["deg/s"] = (math.pi / 180.0, " * pi/180")

@@ -69,9 +69,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--axes", choices=("z", "xz"), default="z", help="of the force that was measured (z)")
     parser.add_argument(
         "--between",
-        choices=("smooth", "lines", "held"),
+        choices=("smooth", "lines", "zero-order-hold"),
         default="smooth",
-        help="the load between its samples: a smooth curve, lines, or held as the node does (smooth)",
+        help="the load between its samples: a smooth curve, lines, or a zero-order hold as the node's (smooth)",
     )
     parser.add_argument(
         "--prior-width",

@@ -20,6 +20,7 @@ from ..bag.files import MCAP
 from ..bag.writer import offered_qos
 from ..files.errors import InputError
 from ..replay.parameters import complete
+from ..replay.pipeline import is_input
 from ..replay.replay import check, joints_of, log_record, log_topic, plan, remaps_of
 from .answer import plain, printable
 
@@ -146,7 +147,7 @@ def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, s
         how = plan(reader, remaps=remaps, joints=joints)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and _is_input(topic)}
+    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and is_input(topic)}
     if not any(reader.counts[name] != 0 for name in inputs.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
@@ -154,10 +155,6 @@ def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, s
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs, "without": without}
-
-
-def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:

@@ -641,6 +641,8 @@ def _replay(options: argparse.Namespace) -> int:
         print(_one_line(f"{source} is damaged: {summary.damage}; what stands before was replayed"), file=sys.stderr)
     for wheel, reason in summary.without.items():
         print(_one_line(f"{wheel}: no output; {reason}"), file=sys.stderr)
+    for doubt in summary.doubts:
+        print(_one_line(f"doubtful: {doubt}"), file=sys.stderr)
     total = sum(summary.received.values())
     written = sum(summary.written.values())
     content = {"input": source, "output": options.output, **summary._asdict()}

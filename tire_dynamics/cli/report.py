@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ..files.errors import InputError
+from ..files.outputs import aside, writable
 
 __all__ = ["add_arguments", "report", "run"]
 
@@ -175,12 +176,8 @@ def report(
         some = uncertainty.errors_of(beside if errors is None else Path(errors), drive.unit, error)
         known = theory.Errors(*some, samples, seed)
     text, headline = page.page(drive, known)
-    aside = target.with_name(f".{target.name}.{os.urandom(4).hex()}")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(target)
-    finally:
-        aside.unlink(missing_ok=True)
+    with aside(target) as part:
+        part.write_text(text, encoding="utf-8")
     return headline
 
 
@@ -190,9 +187,4 @@ def _check_output(target: Path, *, force: bool) -> None:
         raise InputError(f"--output is {target}; its name must end in .html")
     if find_spec("plotly") is None:
         raise InputError("reports need plotly: pip install 'tire_dynamics[report]'")
-    if not target.parent.is_dir():
-        raise InputError(f"{target.parent}: no such folder")
-    if target.is_dir():
-        raise InputError(f"{target}: is a folder")
-    if target.exists() and not force:
-        raise InputError(f"{target}: exists already (--force replaces it)")
+    writable(target, force=force)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from numbers import Real
-from typing import Any, Final
+from typing import Any, Final, cast
 
 __all__ = ["VehicleParameters"]
 
@@ -136,6 +136,11 @@ class VehicleParameters:
                 "the load estimate needs to know more of the vehicle; missing: " + ", ".join(map(_described, missing))
             )
         return cls(**mapping)
+
+    @classmethod
+    def from_yaml(cls, path: Any) -> VehicleParameters:
+        """A car from a YAML file, as :func:`tire_dynamics.read_vehicle` reads it."""
+        return cast(VehicleParameters, __import__(__name__.partition(".")[0]).read_vehicle(path))
 
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values, lists as lists."""

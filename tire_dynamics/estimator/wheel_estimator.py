@@ -29,6 +29,9 @@ class WheelEstimator:
     nanoseconds of one common clock; the estimator reads no clock. It integrates the periodic system exactly
     between samples, and the same calls in the same order give the same bits.
 
+    For programs of one wheel. It is one wheel of :class:`.wheels.Wheels`, the loop of the node and the replay, and has
+    no arithmetic of its own.
+
     Parameters
     ----------
     unit : TireWheelUnit

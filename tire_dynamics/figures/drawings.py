@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from ..science.campbell import WAVES, WHEEL_MODES
 from ..science.nonuniform import CombinationResonance
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .road_drawings import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
@@ -29,9 +30,7 @@ from .tables import (
     SIDES,
     TONGUE_EPS,
     TONGUE_ZETA,
-    WAVES,
     WHEEL_MODELS,
-    WHEEL_MODES,
     FloatArray,
     Table,
     hybrid_critical_speed,

@@ -35,7 +35,7 @@ def load_or_road(table: Table) -> Figure:
 
 def cleat(table: Table) -> Figure:
     """Forces and belt while a wheel rolls over a cleat."""
-    figure = Figure(figsize=(WIDTH, 4.8))
+    figure = Figure(figsize=(WIDTH, 4.9))
     grid = figure.add_gridspec(2, len(SNAPSHOTS), height_ratios=(1.25, 1.0))
     forces = figure.add_subplot(grid[0, :])
     t = table["time_ms"]
@@ -70,13 +70,13 @@ def cleat(table: Table) -> Figure:
         for side in ("left", "bottom"):
             ax.spines[side].set_visible(False)
     note = f"Forward is right. Deflections, cleat and tread (blank, belt to road) are drawn {LARGER:g} times as large."
-    figure.text(0.01, 0.005, note, fontsize=7.0)
+    figure.text(0.01, 0.015, note, fontsize=7.0)
     return figure
 
 
 def force_variation(table: Table) -> Figure:
     """Radial force variation over speed, as a machine and as a car has it."""
-    figure = Figure(figsize=(WIDTH, 2.9))
+    figure = Figure(figsize=(WIDTH, 3.2))
     axes = figure.subplots(1, len(CAUSES), sharex=True)
     titles = ("$k_z$ varies by 2 %", "0.5 mm of run-out", "20 g on the belt")
     for ax, cause, title in zip(axes, CAUSES, titles, strict=True):

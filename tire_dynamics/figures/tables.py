@@ -16,8 +16,8 @@ from scipy import optimize
 
 from ..estimator.simulate import simulate
 from ..science import ring, wheel
+from ..science.campbell import WAVES, WHEEL_MODES, campbell_exponents, wheel_exponents
 from ..science.coefficients import Model
-from ..science.modes import RingModes
 from ..science.nonuniform import CombinationResonance, Nonuniformity, combination_resonances, tongue_map
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .road_tables import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
@@ -39,8 +39,6 @@ FIG7_ZETA_S = (0.05, 0.5)
 DAMPINGS = (MODAL, REACTION)
 WHEEL_MODELS: tuple[wheel.Model, ...] = ("inextensional", "complete")
 CAMPBELL_MODES = (2, 3, 4)
-WAVES = ("backward", "forward")  # seen from the ring: against its spin and along it
-WHEEL_MODES = ("wheel_hop", "ring_fore_aft", "ring_vertical")  # of n = 1, by frequency, named as they are at rest
 TONGUE_ZETA = (0.0, 0.02)  # zeta_1 and zeta_s
 TONGUE_EPS = tuple(round(0.2 * k / 30, 6) for k in range(31))
 
@@ -173,16 +171,15 @@ def campbell() -> Table:
     speed = np.linspace(0.0, 6000.0, 121)
     table = {"speed_rpm": speed}
     for model in WHEEL_MODELS:
-        modes = RingModes(unit, CAMPBELL_MODES, model)
-        waves = np.array([wave_exponents(modes, rpm * RPM) for rpm in speed])
-        for n, both in zip(CAMPBELL_MODES, np.moveaxis(waves, 0, 2), strict=True):
-            for wave, exponent in zip(WAVES, both, strict=True):
+        wheel_modes, waves = campbell_exponents(unit, speed * RPM, CAMPBELL_MODES, model)
+        for n in CAMPBELL_MODES:
+            for wave in WAVES:
+                exponent = waves[n, wave]
                 case = f"{model}_n_{n}_{wave}"
                 table[f"ring_frame_{case}_Hz"] = np.abs(exponent.imag - n * speed * RPM) / TURN
                 table[f"fixed_frame_{case}_Hz"] = np.abs(exponent.imag) / TURN
                 table[f"decay_rate_{case}_1_s"] = -exponent.real
-        exponents = np.array([wheel_exponents(unit, rpm * RPM, model) for rpm in speed])
-        for mode, exponent in zip(WHEEL_MODES, exponents.T, strict=True):
+        for mode, exponent in wheel_modes.items():
             table[f"fixed_frame_{model}_{mode}_Hz"] = exponent.imag / TURN
             for side, sign in SIDES.items():
                 table[f"ring_frame_{model}_{mode}_{side}_Hz"] = np.abs(exponent.imag + sign * speed * RPM) / TURN
@@ -230,21 +227,6 @@ def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[CombinationResonance,
     some = 0.01
     tips = combination_resonances(unit, sidewall(some))
     return unit, tuple(tip._replace(growth=tip.growth / some, threshold=tip.threshold * some) for tip in tips)
-
-
-def wave_exponents(modes: RingModes, speed: float) -> ComplexArray:
-    """Exponents [1/s], fixed frame, of each mode's slower two waves, shape (N, 2): backward, forward on the ring."""
-    exponents = modes.at(speed).exponents
-    order = np.argsort(exponents.imag, axis=1)
-    middle = order.shape[1] // 2
-    return np.take_along_axis(exponents, order[:, middle - 1 : middle + 1], axis=1)
-
-
-def wheel_exponents(unit: TireWheelUnit, speed: float, model: wheel.Model = "inextensional") -> ComplexArray:
-    """Exponents [1/s] of n = 1 with the wheel, fixed frame, positive frequency: the slowest three, ascending."""
-    exponents = np.linalg.eigvals(wheel.fixed_frame_matrix(unit, speed, model))
-    exponents = exponents[exponents.imag > 0.0]
-    return np.asarray(exponents[np.argsort(exponents.imag)][: len(WHEEL_MODES)], dtype=np.complex128)
 
 
 def write_csv(path: Path, table: Table) -> None:

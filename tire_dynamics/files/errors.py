@@ -1,4 +1,4 @@
-"""What a door says when it is handed something it cannot use."""
+"""The error for input that cannot be used."""
 
 from __future__ import annotations
 

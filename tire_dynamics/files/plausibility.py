@@ -11,9 +11,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import ArrayLike, NDArray
 
-__all__ = ["GRAVITY", "Plausibility", "acceleration_doubts", "doubts"]
+__all__ = ["GRAVITY", "RECORD", "Plausibility", "acceleration_doubts", "doubts"]
 
 GRAVITY = 9.80665  # [m/s^2]
+RECORD = "tire_dynamics.import"
+"""Name of the metadata record in which an import says where a bag's numbers come from, and what is odd about them."""
 
 _LEAST_LOAD = 100.0  # [N] in the mean; a wheelchair's wheel has more
 _MOST_LOAD = 2e5  # [N], of the largest mine truck's tires nearly 1 MN
@@ -70,9 +72,15 @@ class Plausibility:
     ----------
     weight : float, optional
         What each wheel carries at rest [N], where it is known.
+
+    Attributes
+    ----------
+    partial : bool
+        Whether there were samples that it was not given: to be set by whoever left them out.
     """
 
     def __init__(self, weight: float | None = None) -> None:
+        self.partial = False
         self._weight = weight
         self._speeds: dict[str, _Sums] = {}
         self._loads: dict[str, _Sums] = {}
@@ -97,7 +105,7 @@ class Plausibility:
         speeds = {wheel: sums for wheel, sums in self._speeds.items() if sums.count >= _FEW}
         return [
             *_of_loads(loads, self._weight),
-            *_of_speeds(speeds),
+            *_of_speeds(speeds, self.partial),
             *_of_times(speeds, "speeds"),
             *_of_times(loads, "loads"),
         ]
@@ -192,7 +200,7 @@ def _of_loads(loads: Mapping[str, _Sums], weight: float | None) -> Iterator[str]
         yield f"the mean load is {', '.join(which)}, where the mass weighs {weight:.4g} N{why}"
 
 
-def _of_speeds(speeds: Mapping[str, _Sums]) -> Iterator[str]:
+def _of_speeds(speeds: Mapping[str, _Sums], partial: bool) -> Iterator[str]:
     fast = {wheel: sums for wheel, sums in speeds.items() if sums.size / sums.count > _MOST_SPEED}
     if fast:
         mean = max(sums.size / sums.count for sums in fast.values())
@@ -203,7 +211,8 @@ def _of_speeds(speeds: Mapping[str, _Sums]) -> Iterator[str]:
     moving = {wheel: sums for wheel, sums in speeds.items() if sums.size > 0.0}
     still = {wheel: sums for wheel, sums in speeds.items() if wheel not in moving}
     if still:
-        yield f"the speed of {_listed(still)} is 0 all the time"
+        when = "in every sample that was looked at" if partial else "all the time"
+        yield f"the speed of {_listed(still)} is 0 {when}"
     if len(moving) < 2:
         return
     sizes = {wheel: sums.size / sums.count for wheel, sums in moving.items()}
@@ -220,7 +229,7 @@ def _of_speeds(speeds: Mapping[str, _Sums]) -> Iterator[str]:
 def _of_times(series: Mapping[str, _Sums], what: str) -> Iterator[str]:
     for sums in series.values():
         if sums.repeats:
-            yield f"{sums.repeats} of the {what} have the time of the one before, of which the last counts"
+            yield f"{sums.repeats} of {sums.count} {what} have the time of the one before, of which the last counts"
             break
     for sums in series.values():
         if sums.steps == sums.count - 1 and sums.first in (0, 10**9):

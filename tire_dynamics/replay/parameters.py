@@ -15,7 +15,7 @@ from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
 from ..science.contact_step import ContactPoints
-from ..science.unit import HARMONICS, ROAD, TireWheelUnit
+from ..science.unit import HARMONICS, NOT_NEGATIVE, RATIOS, UNBOUNDED, WIDEST_CONTACT, TireWheelUnit
 
 __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
 
@@ -94,18 +94,18 @@ _TIRE_UNITS = {
     "zeta_s": "damping ratio of the suspension, in [0, 1)",
     "zeta_n": "damping ratio of every other mode of the belt, in [0, 1)",
     "contact_half_angle": "half the angle of the contact patch, phi_c [rad]; 0 is a point load",
-    "longitudinal_stiffness": "fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0 holds the wheel",
-    "longitudinal_damping_ratio": "its damping ratio, zeta_x, in [0, 1)",
+    "longitudinal_stiffness": "fore-aft stiffness between wheel and vehicle, k_x [N/m]; 0: longitudinally rigid",
+    "longitudinal_damping_ratio": "damping ratio of the fore-aft suspension, zeta_x, in [0, 1)",
     "longitudinal_mass": "mass that moves fore and aft with the wheel, without the belt [kg]; 0: wheel_mass",
-    "radial_nonuniformity": "how k_z varies around the tire: harmonic, amplitude [-] and angle [rad] of each harmonic",
-    "tangential_nonuniformity": "likewise k_theta",
-    "imbalance_mass": "a mass on the belt that is too much [kg]",
-    "imbalance_angle": "where on the tire it is [rad]",
-    "radial_runout": "how much farther out the tread is, on the road: harmonic, amplitude [m], angle [rad] of each",
-    "vertical_stiffness": "of the whole tire on the road, wheel held, K_v [N/m]; 0: a rigid tread",
-    "residual_damping": "damper beside the tread's residual spring, c_c [N s/m]",
-    "sprung_mass": "what stands on this wheel's suspension on the road [kg]; 0: the body is held",
-    "sidewall_damping": "'modal' is the paper's; 'reaction' puts the dashpots between belt and wheel",
+    "radial_nonuniformity": "variation of k_z around the tire: order, amplitude [-], phase [rad] by harmonic",
+    "tangential_nonuniformity": "variation of k_theta around the tire: order, amplitude [-], phase [rad] by harmonic",
+    "imbalance_mass": "unbalance mass, at the belt's radius [kg]",
+    "imbalance_angle": "angle of the unbalance mass on the tire [rad]",
+    "radial_runout": "radial run-out of the tread, on the road: number, amplitude [m] and phase [rad] of each harmonic",
+    "vertical_stiffness": "static vertical stiffness of the tire on the road, wheel held, K_v [N/m]; 0: rigid tread",
+    "residual_damping": "damping of the tread's residual spring, c_c [N s/m]",
+    "sprung_mass": "sprung mass on this wheel, on the road [kg]; 0: the body is fixed",
+    "sidewall_damping": "sidewall damping: 'modal', as in the paper, or 'reaction', dampers between belt and wheel",
 }
 
 
@@ -113,16 +113,16 @@ def _tire_parameters() -> tuple[Parameter, ...]:
     rows = []
     for name, default in TireWheelUnit.table_1().to_mapping().items():
         row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
-        if name.startswith("zeta_") or name == "longitudinal_damping_ratio":
+        if name in RATIOS:
             row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in ("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass", *ROAD):
+        elif name in NOT_NEGATIVE:
             row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
-        elif name == "imbalance_angle":
+        elif name in UNBOUNDED:
             row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
         elif name in HARMONICS:
             row = dataclasses.replace(row, kind="double[]", default=(), positive=False)
         elif name == "contact_half_angle":
-            row = dataclasses.replace(row, positive=False, low=0.0, high=0.5 * math.pi)
+            row = dataclasses.replace(row, positive=False, low=0.0, high=WIDEST_CONTACT)
         elif name == "sidewall_damping":
             row = dataclasses.replace(row, kind="string", positive=False, choices=("modal", "reaction"))
         rows.append(row)
@@ -139,7 +139,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_rate_hz", "double", 50.0, "ring messages per second [Hz]; at most rate_hz", 0.1, 10e3),
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
-    Parameter("model", "string", "inextensional", "of the belt", choices=("inextensional", "complete")),
+    Parameter("model", "string", "inextensional", "model of the belt", choices=("inextensional", "complete")),
     Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
     Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
@@ -156,7 +156,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
     Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
     Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
-    Parameter("log.compression", "string", "zstd", "of the log's chunks", choices=("zstd", "lz4", "none")),
+    Parameter("log.compression", "string", "zstd", "compression of the log's chunks", choices=("zstd", "lz4", "none")),
 )
 
 _MOST_OF_A_BELT = 1_000_000  # samples times modes: what is summed for one shape

@@ -17,7 +17,7 @@ from ..science.rotating_excitation import rotating_excitation
 from .parameters import complete, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream
 
-__all__ = ["LOG_RECORD", "TF_STATIC", "TICK", "Events", "Records", "Pipeline", "input_types"]
+__all__ = ["LOG_RECORD", "TF_STATIC", "TICK", "Events", "Pipeline", "Records", "input_types", "is_input"]
 
 IntArray = NDArray[np.int64]
 
@@ -42,6 +42,11 @@ def input_types(wheels: tuple[str, ...], load_source: str = "topic") -> dict[str
         types[f"{wheel}/load"] = messages.WRENCH_STAMPED
         types[f"{wheel}/load_force"] = messages.FLOAT64
     return types
+
+
+def is_input(topic: str) -> bool:
+    """Whether a relative name is that of an input."""
+    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))
 
 
 class Events(NamedTuple):

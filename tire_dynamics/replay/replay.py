@@ -19,9 +19,10 @@ from ..bag.writer import keep_apart
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from .doubts import InputDoubts
 from .inputs import first_reasons, hint, reasons
 from .parameters import NODE_NAME, complete, read_config
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types, is_input
 
 __all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
 
@@ -34,7 +35,8 @@ _LEAST = 4096  # messages that are taken together; more cost memory and save not
 class Summary(NamedTuple):
     """What a replay did: messages read and written by topic, the parameters, and what is wrong with the bag.
 
-    ``without`` says of wheels that have no outputs why.
+    ``without`` says of wheels that have no outputs why, ``doubts`` what is odd about the speeds and loads. Of a log of
+    the node there are no doubts.
     """
 
     received: dict[str, int]
@@ -42,6 +44,7 @@ class Summary(NamedTuple):
     parameters: dict[str, Any]
     damage: str
     without: dict[str, str]
+    doubts: list[str]
 
 
 def replay(
@@ -102,10 +105,11 @@ def replay(
         pipeline = Pipeline(values)
     except ValueError as error:
         raise InputError(f"{source}: {error}") from None
+    seen = InputDoubts(reader, pipeline.values, names) if log is None else None
     if clock is None and log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
         blocks = _recorded(reader, names, quiet)
     else:
-        blocks = _received(reader, names, pipeline, quiet)
+        blocks = _received(reader, names, pipeline, seen, quiet)
     try:
         received, written = _run(pipeline, blocks, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
@@ -115,7 +119,8 @@ def replay(
         said = "; ".join(f"{wheel}: {why}" for wheel, why in found.items())
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
-    return Summary(received, written, pipeline.values, reader.damage, reasons(reader, values, names, still))
+    without = reasons(reader, values, names, still)
+    return Summary(received, written, pipeline.values, reader.damage, without, [] if seen is None else seen.doubts())
 
 
 class Plan(NamedTuple):
@@ -493,7 +498,7 @@ def _between_records(blocks: Iterable[Events]) -> Iterator[Events]:
 def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[Events]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
-    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or _is_input(topic)}
+    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or is_input(topic)}
     blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
         topics = tuple(relative.get(name, "") for name in block.topics)
@@ -507,7 +512,9 @@ def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Itera
         yield Events(topics, block.topic, block.log_time, published, tick, block.data, block.start, block.size)
 
 
-def _received(reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, quiet: bool) -> Iterator[Events]:
+def _received(
+    reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, seen: InputDoubts | None, quiet: bool
+) -> Iterator[Events]:
     """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
 
     Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
@@ -515,10 +522,12 @@ def _received(reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, q
     """
     period = pipeline.vehicle.settings.period
     silence = 2 * pipeline.vehicle.settings.input_timeout + period
-    relative = {names[topic]: topic for topic in names if _is_input(topic)}
+    relative = {names[topic]: topic for topic in names if is_input(topic)}
     due = last = None
     blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
+        if seen is not None:
+            seen.take(block)
         times = block.log_time
         if due is None or last is None:
             last = int(times[0])
@@ -572,7 +581,3 @@ def _size(block: Block) -> int:
 
 def _up_to_multiple(moment: int, period: int) -> int:
     return -(-moment // period) * period
-
-
-def _is_input(topic: str) -> bool:
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))

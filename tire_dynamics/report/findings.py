@@ -57,6 +57,7 @@ def summary(drive: Drive, critical: float | None, known: Errors | None = None, b
     covered = [1.0 - min(1.0, _uncovered(drive, k) / drive.duration) for k in range(len(drive.wheels))]
     verdicts, stability = _stability(drive, critical)
     findings = [stability, *_uncertain(drive, known, band), *_outputs(drive, covered), *_bag(drive)]
+    findings += [Finding("warning", f"The inputs are doubtful: {doubt}") for doubt in drive.doubts]
     for each in drive.inputs:
         findings += _input(drive, each)
     findings += _setting(drive)

@@ -15,6 +15,7 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, input_types
@@ -177,6 +178,7 @@ class Drive:
     changes: int = 0  # of the tire, in the drive
     clock_resets: int = 0
     without: dict[str, str] = field(default_factory=dict)  # why a wheel has no outputs
+    doubts: list[str] = field(default_factory=list)  # what is odd about speeds and loads
 
     @property
     def unit(self) -> Any:
@@ -217,10 +219,12 @@ def gather(reader: BagReader, source: BagReader, *, replayed: bool = False, quie
         The log is damaged, or its record cannot be used.
     """
     reading = _Reading(reader)
+    seen = InputDoubts(source, reading.parameters, reading.names)
     blocks = reader.blocks(reading.full & reader.topics.keys(), in_file_order=True)
     for block in progress(
         blocks, reader.message_count, "report", size=lambda block: block.topic.size, unit="messages", quiet=quiet
     ):
+        seen.take(block)
         reading.take(block)
     return Drive(
         name=source.path.resolve().name,
@@ -236,6 +240,7 @@ def gather(reader: BagReader, source: BagReader, *, replayed: bool = False, quie
         changes=reading.changes,
         clock_resets=reading.clock_resets,
         without=reading.reasons(reader),
+        doubts=seen.doubts(),
     )
 
 
@@ -243,7 +248,7 @@ class _Reading:
     """A log on its way through."""
 
     def __init__(self, reader: BagReader) -> None:
-        self.parameters, self._names, log = plan(reader)
+        self.parameters, self.names, log = plan(reader)
         if self.parameters["load_source"] == "road":
             raise InputError(f"{reader.path}: its tires stand on a road; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
@@ -259,16 +264,16 @@ class _Reading:
         timeout = self.parameters["input_timeout_s"]
         self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
         self.inputs = {
-            relative: Input(self._names[relative], kind)
+            relative: Input(self.names[relative], kind)
             for relative, kind in input_types(wheels).items()
-            if self._names[relative] in reader.topics
+            if self.names[relative] in reader.topics
         }
-        self.full = set(self._names.values())
+        self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
 
     def reasons(self, reader: BagReader) -> dict[str, str]:
         """Why wheels have no outputs."""
-        return reasons(reader, self.parameters, self._names, [each.name for each in self.wheels if not each.outputs])
+        return reasons(reader, self.parameters, self.names, [each.name for each in self.wheels if not each.outputs])
 
     def take(self, block: Block) -> None:
         """Take a block."""
@@ -277,7 +282,7 @@ class _Reading:
         edges = np.searchsorted(block.topic[order], np.arange(len(block.topics) + 1))
 
         def of(relative: str) -> IntArray:
-            number = where.get(self._names[relative])
+            number = where.get(self.names[relative])
             return np.empty(0, np.int64) if number is None else order[edges[number] : edges[number + 1]]
 
         place = of(LOG_RECORD)

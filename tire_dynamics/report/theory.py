@@ -13,12 +13,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..figures.tables import WHEEL_MODES, wave_exponents, wheel_exponents
 from ..files.errors import InputError
 from ..science import uncertainty, wheel
+from ..science.campbell import campbell_exponents
 from ..science.floquet import VERDICTS, Verdict
 from ..science.maps import StabilityMap
-from ..science.modes import RingModes
 from ..science.response import frequency_response
 from ..science.unit import TireWheelUnit
 
@@ -141,15 +140,8 @@ class Campbell(NamedTuple):
 def campbell(unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional") -> Campbell:
     """Ring and wheel (n = 1) and the waves of ``CAMPBELL_WAVES``, from standstill to a speed."""
     speeds = np.linspace(0.0, highest, 161)
-    exponents = {}
-    rigid = np.array([wheel_exponents(unit, speed, model)[: len(WHEEL_MODES)] for speed in speeds.tolist()])
-    for mode, column in zip(WHEEL_MODES, rigid.T, strict=False):
-        exponents[mode] = column
-    modes = RingModes(unit, CAMPBELL_WAVES, model)
-    waves = np.array([wave_exponents(modes, speed) for speed in speeds.tolist()])
-    for n, both in zip(CAMPBELL_WAVES, np.moveaxis(waves, 0, 2), strict=True):
-        for direction, column in zip(("backward", "forward"), both, strict=True):
-            exponents[f"n_{n}_{direction}"] = column
+    wheel_modes, waves = campbell_exponents(unit, speeds, CAMPBELL_WAVES, model)
+    exponents = wheel_modes | {f"n_{n}_{wave}": column for (n, wave), column in waves.items()}
     frequency = {name: np.abs(column.imag) / (2.0 * math.pi) for name, column in exponents.items()}
     return Campbell(speeds, frequency, {name: -column.real for name, column in exponents.items()})
 

@@ -110,7 +110,7 @@ class Journal:
         if self.log is not None:
             self.log.drop(self.names[topic])
 
-    def tend(self) -> None:
+    def retry(self) -> None:
         """Begin another log when the disk has refused one."""
         self._finishing = [log for log in self._finishing if log.alive]
         if self.log is None or self.log.error is None:

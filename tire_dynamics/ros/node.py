@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from typing import Any
 
 import rclpy
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rcl_interfaces.msg import SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
@@ -30,14 +30,13 @@ from ..cdr import messages
 from ..files.errors import InputError, first_line
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
-from ..science.unit import TireWheelUnit
-from . import node_parameters
+from . import diagnostics, node_parameters
 from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .stop import Stop
-from .uniformity_monitor import Variations, variation_of
+from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
 
 __all__ = ["TireDynamicsNode", "run"]
@@ -49,12 +48,10 @@ _NOT_ACTIVE = "the node is not active"
 _BUSY = "too many requests are waiting; ask again"
 _AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
 _SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
-_NO_RUNOUT = "radial_runout has no effect: the load is given; load_source road has it"
-_NO_VARIATION = "radial_nonuniformity and tangential_nonuniformity have no effect on the road"
 _SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
 
 
-class _Duty:
+class _PeriodicTask:
     """What is done every so often, beside the ticks; times in ns on the steady clock."""
 
     def __init__(self, seconds: float, call: Callable[[], None]) -> None:
@@ -91,7 +88,7 @@ class TireDynamicsNode(LifecycleNode):
     """
 
     _pipeline: Pipeline
-    _variations: Variations
+    _monitor: UniformityMonitor
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -133,14 +130,14 @@ class TireDynamicsNode(LifecycleNode):
         self._next_wheel = 0
         self._period = 0
         self._deadline = time.monotonic_ns()
-        self._duties: list[_Duty] = []
+        self._tasks: list[_PeriodicTask] = []
         self._paced = paced
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
             self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
-            self._add_duty(1.0, self._diagnose)
+            self._add_task(1.0, self._diagnose)
             self._autostart = self._is_to_start()
             if self._autostart:
                 self._change(self.trigger_configure)
@@ -171,11 +168,11 @@ class TireDynamicsNode(LifecycleNode):
             assert self._refusal is not None
             raise self._refusal
 
-    def _add_duty(self, seconds: float, call: Callable[[], None]) -> None:
+    def _add_task(self, seconds: float, call: Callable[[], None]) -> None:
         """Have something done every so often, by :meth:`pace` or a timer."""
         if self._paced:
-            self._duties.append(_Duty(seconds, call))
-            self._made.append((self._duties.remove, self._duties[-1]))
+            self._tasks.append(_PeriodicTask(seconds, call))
+            self._made.append((self._tasks.remove, self._tasks[-1]))
         else:
             self._made.append((self.destroy_timer, self.create_timer(seconds, call, clock=self._steady)))
 
@@ -235,7 +232,7 @@ class TireDynamicsNode(LifecycleNode):
     def _activate(self) -> None:
         self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
         self._wanted = self._pipeline.values
-        self._variations = Variations(self._pipeline.vehicle.wheels)
+        self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._time = None
         try:
@@ -299,9 +296,9 @@ class TireDynamicsNode(LifecycleNode):
         self._service(SetBool, "~/set_logging", self._set_logging)
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
-        self._add_duty(1.0 / len(wheels), self._look_at_a_wheel)
+        self._add_task(1.0 / len(wheels), self._update_stability)
         if not self._paced:
-            self._add_duty(self._period * 1e-9, self._tick)
+            self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
         self.add_on_set_parameters_callback(self._check_change)
         self._made.append((self.remove_on_set_parameters_callback, self._check_change))
@@ -419,11 +416,11 @@ class TireDynamicsNode(LifecycleNode):
                 self._tick_at(now, self._after_last(now - late + missed * self._period, now))
             else:
                 self._tick()
-        self._take_up_work()
-        for duty in self._duties:
-            if steady >= duty.due:
-                duty.due = max(duty.due + duty.period, steady)
-                duty.call()
+        self._deliver_results()
+        for task in self._tasks:
+            if steady >= task.due:
+                task.due = max(task.due + task.period, steady)
+                task.call()
 
     def _after_last(self, stamp: int, now: int) -> int | None:
         """A stamp that lies behind the last one; None if there is no room for it. A clock set back starts anew."""
@@ -437,11 +434,11 @@ class TireDynamicsNode(LifecycleNode):
             now = self._now()
             self._tick_at(now, self._due(now))
         if not self._paced:
-            self._take_up_work()
+            self._deliver_results()
 
-    def _take_up_work(self) -> None:
-        self._worker.take_up(_AT_ONCE)
-        self._judge.take_up(_AT_ONCE)
+    def _deliver_results(self) -> None:
+        self._worker.deliver(_AT_ONCE)
+        self._judge.deliver(_AT_ONCE)
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -544,12 +541,12 @@ class TireDynamicsNode(LifecycleNode):
             state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
-    def _look_at_a_wheel(self) -> None:
+    def _update_stability(self) -> None:
         if not self._active or self._looking:
             return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
-        vehicle, variations = self._pipeline.vehicle, self._variations
+        vehicle, monitor = self._pipeline.vehicle, self._monitor
         speed = vehicle.inputs[index].speed
         if speed and not vehicle.unit.is_uniform:  # milliseconds, and more the slower it turns: remembered by the rad/s
             speed = math.copysign(max(float(round(abs(speed))), _SLOWEST), speed)
@@ -559,15 +556,15 @@ class TireDynamicsNode(LifecycleNode):
 
         def keep_variation(found: Any, error: Exception | None) -> None:
             self._looking = False
-            variations.keep(index, found)
+            monitor.keep(index, found)
 
         self._ask_for_stability(speed, keep_stability)
-        work = partial(variation_of, variations.taken(index))
+        work = partial(variation_of, monitor.taken(index))
         self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
     def _diagnose(self) -> None:
         if self._active:
-            self._journal.tend()
+            self._journal.retry()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -583,17 +580,8 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
-    def _idle_status(self) -> DiagnosticStatus:
-        """Of a node that waits for its manager."""
-        _, state = self._state_machine.current_state
-        if self._refusal is None:
-            return self._status("node", DiagnosticStatus.OK, state, {"state": state})
-        return self._status("node", DiagnosticStatus.ERROR, f"{state}: {first_line(self._refusal)}", {"state": state})
-
     def _node_status(self) -> DiagnosticStatus:
-        times = sorted(self._step_times) or [0.0]
-        self._step_times = []
-        logged, trouble, missing = self._journal.account()
+        times, self._step_times = self._step_times, []
         values = {
             "ticks": self._ticks,
             "ticks missed": self._missed,
@@ -601,77 +589,28 @@ class TireDynamicsNode(LifecycleNode):
             "messages before the clock": self._before_clock,
             "parameters not yet in force": ", ".join(self._not_in_force()) or "none",
             "analyses waiting": self._worker.waiting + self._judge.waiting,
-            "step time, median [us]": f"{1e6 * times[len(times) // 2]:.0f}",
-            "step time, longest [us]": f"{1e6 * times[-1]:.0f}",
+            **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
-            **logged,
         }
-        level, summary = DiagnosticStatus.OK, f"{len(self._pipeline.vehicle.inputs)} wheels"
-        if trouble:
-            level, summary = DiagnosticStatus.ERROR, trouble
-        elif missing:
-            level, summary = DiagnosticStatus.WARN, missing
-        if self._namesakes > 0:
-            level = max(level, DiagnosticStatus.WARN)
-            summary = f"{self._namesakes} other nodes are called {self.get_fully_qualified_name()}; {summary}"
-        return self._status("node", level, summary, values)
+        wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
+        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name))
+
+    def _idle_status(self) -> DiagnosticStatus:
+        _, state = self._state_machine.current_state
+        return self._status("node", diagnostics.of_idle_node(state, self._refusal))
+
+    def _wheel_status(self, index: int) -> DiagnosticStatus:
+        vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation)
+        return self._status(vehicle.settings.wheels[index], found)
+
+    def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
+        return diagnostics.message(self.get_name(), self.get_fully_qualified_name(), name, found)
 
     def _not_in_force(self) -> list[str]:
         values = self._pipeline.values
         return [name for name, value in self._wanted.items() if value != values[name]]
-
-    def _wheel_status(self, index: int) -> DiagnosticStatus:
-        vehicle = self._pipeline.vehicle
-        estimator = vehicle.inputs[index]
-        reply = self._stabilities[index]
-        verdict = reply.get("verdict", "not yet known")
-        level, summary = DiagnosticStatus.OK, verdict
-        if verdict == "unstable":
-            level = DiagnosticStatus.ERROR
-        elif reply and verdict != "asymptotically stable":
-            level = DiagnosticStatus.WARN
-        on_road = vehicle.wheels.on_road
-        ages = dict(zip(("speed", "road" if on_road else "load"), estimator.ages(), strict=True))
-        stale = []
-        for name, age in ages.items():
-            if age is None:
-                stale.append(f"no {name} yet")
-            elif age > vehicle.settings.input_timeout:
-                stale.append(f"{name} is {age * 1e-9:.3f} s old")
-        if stale:
-            level, summary = DiagnosticStatus.ERROR, "no output: " + ", ".join(stale)
-        values = {
-            "in motion": estimator.running,
-            **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
-            "speed [rad/s]": f"{estimator.speed:.4f}",
-            "load source": self._pipeline.values["load_source"],
-            "load [N]": f"{estimator.load[0]:.1f}",
-            **({"road height [m]": _shown(estimator.height, ".4f")} if on_road else {}),
-            **({"note": _NO_RUNOUT} if vehicle.unit.radial_runout and not on_road else {}),
-            **({"note": _NO_VARIATION} if on_road and _varies(vehicle.unit) else {}),
-            "on the road": reply.get("contact", on_road),
-            "stability": verdict,
-            "stability at speed [rad/s]": _shown(reply.get("speed_rad_s"), ".4f"),
-            "spectral radius": _shown(reply.get("spectral_radius"), ".6f"),
-            "critical speed [rad/s]": _shown(reply.get("critical_speed_rad_s"), ".2f"),
-            "periodicity": reply.get("periodicity", "not yet known"),
-            "nearest tongue [rad/s]": _shown(reply.get("nearest_tongue_rad_s"), ".2f"),
-            **self._variations.values(index),
-            "stops for stale inputs": estimator.stops,
-            "stops for divergence": estimator.divergences,
-            **{f"samples {outcome}": count for outcome, count in estimator.counts.items()},
-        }
-        return self._status(vehicle.settings.wheels[index], level, summary, values)
-
-    def _status(self, name: str, level: bytes, summary: str, values: dict[str, Any]) -> DiagnosticStatus:
-        return DiagnosticStatus(
-            level=level,
-            name=f"{self.get_name()}: {name}",
-            message=summary,
-            hardware_id=self.get_fully_qualified_name(),
-            values=[KeyValue(key=key, value=str(value)) for key, value in values.items()],
-        )
 
     def close(self) -> None:
         """Finish the log and leave the graph."""
@@ -732,14 +671,6 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
-
-
-def _varies(unit: TireWheelUnit) -> bool:
-    return bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
-
-
-def _shown(value: float | None, form: str) -> str:
-    return "none" if value is None else format(value, form)
 
 
 def _message_class(msgtype: str) -> Any:

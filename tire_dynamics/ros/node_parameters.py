@@ -52,7 +52,7 @@ def whole(node: Node) -> dict[str, Any]:
 def declare(node: Node, values: Mapping[str, Any], *, read_only: bool) -> None:
     """Declare every parameter with its type and range, and read-only if it is and ``read_only`` says so."""
     for name, row in ROWS.items():
-        _declare(node, name, values[name], _descriptor(row, read_only))
+        _declare(node, name, values[name], _descriptor(row, read_only, values[name]))
 
 
 def declare_loosely(node: Node) -> None:
@@ -83,14 +83,15 @@ def _plain(value: Any) -> Any:
     return list(value) if not isinstance(value, (str, bytes, bool, int, float)) and value is not None else value
 
 
-def _descriptor(row: Parameter, read_only: bool) -> ParameterDescriptor:
+def _descriptor(row: Parameter, read_only: bool, value: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         name=row.name,
         type=_TYPES[row.kind].value,
         description=row.description,
         read_only=row.read_only and read_only,
         additional_constraints=" | ".join(row.choices),
-        dynamic_typing=row.kind == "double[]" and not row.read_only,  # it may be empty; our own check knows its type
+        # it may be empty; our own check knows its type
+        dynamic_typing=row.kind == "double[]" and (not row.read_only or not value),
     )
     low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
     if low is not None:

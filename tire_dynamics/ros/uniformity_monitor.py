@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from ..estimator.wheels import Wheels
 from ..science.uniformity import OrderSums, Variation
 
-__all__ = ["Variations", "variation_of"]
+__all__ = ["UniformityMonitor", "variation_of"]
 
 _TURNS: Final = 10  # that are taken together, or all since the last look
 
 
-class Variations:
+class UniformityMonitor:
     """Radial force variation of W wheels, of ten turns after the other.
 
-    What comes with each tick is noted by the wheels; :meth:`take_up` does the rest, or :func:`variation_of` on another
+    What comes with each tick is noted by the wheels; :meth:`update` does the rest, or :func:`variation_of` on another
     thread. Samples have the weight of a Hann window over the ten turns: a load that rises or falls meanwhile is no
     harmonic.
     """
@@ -30,7 +30,7 @@ class Variations:
         self._samples = [np.empty((0, 2)) for _ in range(wheels.count)]
         self._found: list[Variation | None] = [None] * wheels.count
 
-    def take_up(self, index: int) -> None:
+    def update(self, index: int) -> None:
         """Work on what was noted of a wheel, if it has turned far enough."""
         self.keep(index, variation_of(self.taken(index)))
 

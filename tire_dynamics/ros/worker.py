@@ -59,7 +59,7 @@ class Worker:
         work : callable
             Called on the worker's thread.
         then : callable
-            Called by :meth:`take_up` with the result and None, or with None and the exception that work raised.
+            Called by :meth:`deliver` with the result and None, or with None and the exception that work raised.
         urgent : bool
             Before all that waits, however much that is.
 
@@ -87,7 +87,7 @@ class Worker:
             self._thread.start()
         return True
 
-    def take_up(self, most: int) -> None:
+    def deliver(self, most: int) -> None:
         """Tell some of those whose work is done; the others next time."""
         while self._done and most > 0:
             task = self._done[0]

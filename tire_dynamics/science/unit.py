@@ -8,12 +8,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Real
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 from .coefficients import static_compliance
 from .harmonics import HIGHEST, Harmonic, check_factor, harmonics
 
-__all__ = ["HARMONICS", "MODAL", "NUMBERS", "REACTION", "ROAD", "ROTATING", "TireWheelUnit"]
+__all__ = [
+    "HARMONICS",
+    "MODAL",
+    "NOT_NEGATIVE",
+    "NUMBERS",
+    "RATIOS",
+    "REACTION",
+    "ROAD",
+    "ROTATING",
+    "TireWheelUnit",
+    "UNBOUNDED",
+    "WIDEST_CONTACT",
+]
 
 MODAL: Final = "modal"
 REACTION: Final = "reaction"
@@ -28,10 +40,20 @@ ROTATING: Final = (*HARMONICS, "imbalance_mass", "imbalance_angle")
 ROAD: Final = ("vertical_stiffness", "residual_damping", "sprung_mass")
 """The fields that matter on the road alone, and not under a load that is given."""
 
-_NOT_NEGATIVE: Final = (
+NOT_NEGATIVE: Final = (
     *("longitudinal_stiffness", "longitudinal_mass", "imbalance_mass"),
     *ROAD,
 )
+"""The fields that must be >= 0."""
+
+RATIOS: Final = ("zeta_1", "zeta_s", "zeta_n", "longitudinal_damping_ratio")
+"""The fields that are damping ratios, in [0, 1)."""
+
+UNBOUNDED: Final = ("imbalance_angle",)
+"""The fields that may have any finite value. Every other number must be > 0, but for the contact's angle."""
+
+WIDEST_CONTACT: Final = 0.5 * math.pi
+"""The largest ``contact_half_angle`` [rad]; the smallest is 0."""
 
 
 @dataclass(frozen=True)
@@ -146,15 +168,15 @@ class TireWheelUnit:
                 number = math.inf
             if not math.isfinite(number):
                 raise ValueError(f"{field.name} is {number!r}; it must be finite")
-            if field.name.startswith("zeta_") or field.name == "longitudinal_damping_ratio":
+            if field.name in RATIOS:
                 if not 0.0 <= number < 1.0:
                     raise ValueError(f"{field.name} is {number!r}; a damping ratio must be in [0, 1)")
             elif field.name == "contact_half_angle":
-                if not 0.0 <= number <= 0.5 * math.pi:
+                if not 0.0 <= number <= WIDEST_CONTACT:
                     raise ValueError(f"{field.name} is {number!r}; it must be in [0, pi/2]")
-            elif field.name == "imbalance_angle":
+            elif field.name in UNBOUNDED:
                 pass
-            elif field.name in _NOT_NEGATIVE:
+            elif field.name in NOT_NEGATIVE:
                 if number < 0.0:
                     raise ValueError(f"{field.name} is {number!r}; it must be >= 0")
             elif number <= 0.0:
@@ -283,6 +305,23 @@ class TireWheelUnit:
                 raise ValueError(f"{field.name} is missing; it has no default")
         return cls(**mapping)
 
+    @classmethod
+    def from_yaml(cls, path: Any) -> TireWheelUnit:
+        """A unit from a YAML file, as :func:`tire_dynamics.read_unit` reads it."""
+        return cast(TireWheelUnit, _package().read_unit(path))
+
+    def to_yaml(self, path: Any) -> None:
+        """Write the fields to a YAML file, as :func:`tire_dynamics.write_unit` does."""
+        _package().write_unit(self, path)
+
+    @classmethod
+    def from_tir(
+        cls, path: Any, *, wheel_mass: float, suspension_stiffness: float, **fields: Any
+    ) -> TireWheelUnit:
+        """A unit with a property file's rigid ring, as :func:`tire_dynamics.read_tir_unit` reads it."""
+        given = {"wheel_mass": wheel_mass, "suspension_stiffness": suspension_stiffness, **fields}
+        return cast(TireWheelUnit, _package().read_tir_unit(path, **given))
+
     def to_mapping(self) -> dict[str, Any]:
         """Field names and values; harmonics as lists of lists."""
         values = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
@@ -295,3 +334,8 @@ NUMBERS: Final = tuple(
     if field.name not in (*ROTATING, *ROAD, "sidewall_damping")
 )
 """The fields of numbers that the uniform tire has, on the road or not."""
+
+
+def _package() -> Any:
+    """The package, whose public functions meet files; no module of science opens one."""
+    return __import__(__name__.partition(".")[0])

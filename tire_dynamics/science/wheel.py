@@ -24,7 +24,6 @@ from .response import frequency_response, transmissibility, whirl_frequencies
 from .unit import TireWheelUnit
 from .wheel_matrices import (
     FixedFrame,
-    Model,
     check_speed,
     fixed_frame,
     fixed_frame_matrix,
@@ -33,6 +32,7 @@ from .wheel_matrices import (
     states,
     uniform_state_matrix,
 )
+from .wheel_matrices import Model as Model
 from .wheel_stability import crossings, uniform_stability
 from .wheel_state import (
     axle_force,
@@ -48,7 +48,6 @@ from .wheel_state import (
 
 __all__ = [
     "FixedFrame",
-    "Model",
     "StabilityMap",
     "TransmissibilityMap",
     "axle_force",

@@ -45,6 +45,11 @@ def crossings(unit: TireWheelUnit, model: Model = "inextensional") -> Iterator[t
 
     Of a unit that is not uniform, its mean's. Backward, they are the same.
 
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    model : {"inextensional", "complete"}
+
     Notes
     -----
     F(Omega) = F_0 + Omega F_1 can only change its stability where one of its eigenvalues is zero, or two add up to

@@ -1,0 +1,309 @@
+"""The parameters and the delay that fit the time series, with a noise of any spectrum that does not change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import interpolate, linalg, optimize, signal
+
+from ..science.spectra import Spectra
+from .identification_problem import DIFFERENCE, Identification, Problem, Seen, Stretch
+
+__all__ = [
+    "from_time_series",
+]
+
+FloatArray = NDArray[np.float64]
+
+_NEARBY = 0.02  # [s]: how far the time series may move the delay
+_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # of the noise's autoregression
+_CALLS = (6, 10, 25, 25, 25)  # of the model by turns of fit and noise: the first are for the noise's sake
+
+
+class _Noise(NamedTuple):
+    """An autoregression e_k = sum_j a_j e_(k-j) + white of this deviation."""
+
+    coefficients: FloatArray
+    deviation: float
+
+
+class _Coordinates:
+    """Logarithms x of the values as functions of q, in which the valley of equal fits is straighter.
+
+    Where they are fitted, q has k_s/(M + m), the wheel's hop, for k_s, and k_1 (1/M + 1/m), of ring against wheel, for
+    k_1: the data know these far better than the masses.
+    """
+
+    def __init__(self, problem: Problem) -> None:
+        self._names, self._start = problem.names, problem.start
+
+    def _shifts(self, x: FloatArray) -> tuple[FloatArray, float]:
+        """x less q, and M/(M + m)."""
+        fitted = dict(zip(self._names, x.tolist(), strict=True))
+        M = math.exp(fitted["wheel_mass"]) if "wheel_mass" in fitted else self._start.wheel_mass
+        m = self._start.ring_mass
+        if "density" in fitted:
+            m *= math.exp(fitted["density"]) / self._start.density
+        shifts = {"suspension_stiffness": math.log(M + m), "k_1": -math.log(1.0 / M + 1.0 / m)}
+        return np.array([shifts.get(name, 0.0) for name in self._names]), M / (M + m)
+
+    def of(self, x: FloatArray) -> FloatArray:
+        """q at x."""
+        return x - self._shifts(x)[0]
+
+    def logs(self, q: FloatArray) -> FloatArray:
+        """x at q; the masses, which the shifts hang on, are the same in both."""
+        return q + self._shifts(q)[0]
+
+    def slope(self, x: FloatArray) -> FloatArray:
+        """dx/dq, (P, P)."""
+        T = np.eye(x.size)
+        share = self._shifts(x)[1]
+        parts = {("suspension_stiffness", "wheel_mass"): share, ("suspension_stiffness", "density"): 1.0 - share}
+        parts |= {("k_1", "wheel_mass"): 1.0 - share, ("k_1", "density"): share}
+        for i, one in enumerate(self._names):
+            for j, other in enumerate(self._names):
+                T[i, j] += parts.get((one, other), 0.0)
+        return T
+
+
+class _Series:
+    """The measured samples that are used, and what the model says of them."""
+
+    def __init__(self, problem: Problem, delay: float) -> None:
+        self.problem = problem
+        self.coordinates = _Coordinates(problem)
+        record = problem.recording
+        self.parts: list[slice] = []  # of the record, one for each stretch
+        self.stretches: list[Stretch] = []
+        for stretch in problem.stretches:
+            first = stretch.time[0] + problem.settling + delay + _NEARBY
+            part = slice(*np.searchsorted(record.force_time, [first, stretch.time[-1] + delay - _NEARBY]).tolist())
+            if part.stop - part.start > 1:
+                self.parts.append(part)
+                self.stretches.append(stretch)
+        if not self.parts:
+            raise ValueError("no measured force lies where speed, load and a settled motion are known")
+        self.time = np.concatenate([record.force_time[part] for part in self.parts])
+        self.force = np.concatenate([record.force[part] for part in self.parts])[:, list(problem.axes)]
+        cuts = np.flatnonzero(np.diff(self.time) > 1.5 * problem.interval) + 1
+        ends = np.cumsum([part.stop - part.start for part in self.parts])[:-1]
+        edges = np.unique(np.concatenate([[0], cuts, ends, [self.time.size]]))
+        self.runs = [slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
+        self._known: tuple[bytes, list[FloatArray]] = (b"", [])
+        self._known_jacobian = (b"", np.empty(0))
+
+    def curves(self, x: FloatArray) -> list[FloatArray]:
+        """Axle forces (K, A) at the kept times of each stretch; the last are remembered."""
+        if self._known[0] != x.tobytes():
+            unit = self.problem.unit(x)
+            found = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.stretches]
+            self._known = (x.tobytes(), found)
+        return self._known[1]
+
+    def at(self, curves: Sequence[FloatArray], delay: float, derivative: int = 0) -> FloatArray:
+        """Curves, or their derivatives to time, at the times of the measurement less the delay, shape (N, A)."""
+        record = self.problem.recording
+        values: list[FloatArray] = []
+        for part, stretch, curve in zip(self.parts, self.stretches, curves, strict=True):
+            if not np.isfinite(curve).all():
+                return np.full_like(self.force, math.nan)
+            spline = interpolate.CubicSpline(stretch.time[stretch.kept], curve)
+            values.append(spline(record.force_time[part] - delay, derivative))
+        whole: FloatArray = np.concatenate(values)
+        return whole
+
+    def residual(self, z: FloatArray) -> FloatArray:
+        """Model less measurement (N, A); z is q of :class:`_Coordinates`, the delay [ms] and the offsets [N]."""
+        P = len(self.problem.names)
+        offset: FloatArray = z[P + 1 :] - self.force
+        return self.at(self.curves(self.coordinates.logs(z[:P])), 1e-3 * float(z[P])) + offset
+
+    def jacobian(self, z: FloatArray) -> FloatArray:
+        """Derivatives of the residual, (N, A, P + 1 + A); the last are remembered."""
+        if self._known_jacobian[0] != z.tobytes():
+            self._known_jacobian = (z.tobytes(), self._jacobian(z))
+        return self._known_jacobian[1]
+
+    def _jacobian(self, z: FloatArray) -> FloatArray:
+        P, A = len(self.problem.names), self.force.shape[1]
+        q, delay = z[:P], 1e-3 * float(z[P])
+        x = self.coordinates.logs(q)
+        base = self.curves(x)
+        J = np.zeros((*self.force.shape, z.size))
+        for k in range(P):
+            step = DIFFERENCE if x[k] + DIFFERENCE < self.problem.high[k] else -DIFFERENCE
+            unit = self.problem.unit(self.coordinates.logs(q + step * (np.arange(P) == k)))
+            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.stretches]
+            J[..., k] = self.at([(one - other) / step for one, other in zip(moved, base, strict=True)], delay)
+        J[..., P] = -1e-3 * self.at(base, delay, 1)
+        J[:, np.arange(A), P + 1 + np.arange(A)] = 1.0
+        return J
+
+    def prior_slope(self, z: FloatArray) -> FloatArray:
+        """Derivatives of the priors' residuals (x - origin)/width, (P, P + 1 + A)."""
+        P = len(self.problem.names)
+        slope = self.coordinates.slope(self.coordinates.logs(z[:P])) / self.problem.prior_width[:, None]
+        return np.concatenate([slope, np.zeros((P, z.size - P))], axis=1)
+
+    def noise(self, residual: FloatArray) -> list[_Noise]:
+        """The autoregression of each column of a residual, its order by Akaike's criterion."""
+        return [_autoregression(column, self.runs) for column in residual.T]
+
+    def whitened(self, values: FloatArray, noise: Sequence[_Noise]) -> FloatArray:
+        """Values (N, A, ...) as prediction errors over their deviation, one column after the other, (M, ...)."""
+        rows = []
+        for column, (coefficients, deviation) in enumerate(noise):
+            p = coefficients.size
+            taps = np.concatenate([[1.0], -coefficients]) / deviation
+            for run in self.runs:
+                if run.stop - run.start > p:
+                    rows.append(signal.lfilter(taps, [1.0], values[run, column], axis=0)[p:])
+        whole: FloatArray = np.concatenate(rows)
+        return whole
+
+
+def _autoregression(residual: FloatArray, runs: Sequence[slice]) -> _Noise:
+    """By the Yule-Walker equations, of runs with nothing known in between."""
+    longest = max(run.stop - run.start for run in runs)
+    orders = [p for p in _ORDERS if p == 0 or p < min(longest, residual.size / 20)]
+    correlation = np.zeros(orders[-1] + 1)
+    for run in runs:
+        part = residual[run]
+        size = min(correlation.size, part.size)
+        correlation[:size] += [float(part[: part.size - k] @ part[k:]) for k in range(size)]
+    correlation /= residual.size
+    least = max(correlation[0], 1e-300) * 1e-12
+    best, lowest = _Noise(np.empty(0), math.sqrt(max(correlation[0], 1e-300))), math.inf
+    for p in orders:
+        a = linalg.solve_toeplitz(correlation[:p], correlation[1 : p + 1]) if p else np.empty(0)
+        variance = max(float(correlation[0] - a @ correlation[1 : p + 1]), least)
+        criterion = residual.size * math.log(variance) + 2.0 * p
+        if criterion < lowest:
+            best, lowest = _Noise(a, math.sqrt(variance)), criterion
+    return best
+
+
+def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray, delay: float) -> Identification:
+    series = _Series(problem, delay)
+    P, A = len(problem.names), series.force.shape[1]
+    if series.time.size < 20 * (P + 1 + A):
+        raise ValueError(f"{series.time.size} samples of the measured force are left; {20 * (P + 1 + A)} are needed")
+    if not np.isfinite(series.curves(first)[0]).all():
+        first = problem.origin
+    first = np.clip(first, problem.low + 1e-9, problem.high - 1e-9)
+    z = np.concatenate([series.coordinates.of(first), [1e3 * delay], np.zeros(A)])
+    z[P + 1 :] = -series.residual(z).mean(axis=0)
+    residual = series.residual(z)
+    for calls in _CALLS:
+        noise = series.noise(residual)
+        z, J, moved = _solve(series, noise, z, delay, calls)
+        residual = series.residual(z)
+        if moved < 0.3:
+            break
+    x = series.coordinates.logs(z[:P])
+    white = series.whitened(residual, noise)
+    spare = max(white.size - z.size, 1)
+    information = J.T @ J * (spare / float(white @ white))  # what the noise turned out to be
+    prior = series.prior_slope(z)
+    to_logs = linalg.block_diag(series.coordinates.slope(x), np.eye(1 + A))
+    covariance, own = (to_logs @ _inverse(information + share * prior.T @ prior) @ to_logs.T for share in (1.0, 1e-4))
+    errors = np.sqrt(np.diag(covariance))
+    at = [name for k, name in enumerate(problem.names) if min(x[k] - problem.low[k], problem.high[k] - x[k]) < 1e-3]
+    power = np.var(series.force, axis=0)
+    left = np.var(residual, axis=0)
+    return Identification(
+        unit=problem.unit(x),
+        start=problem.start,
+        names=problem.names,
+        values=np.exp(x),
+        errors=errors[:P],
+        correlation=covariance[:P, :P] / np.outer(errors[:P], errors[:P]),
+        from_data=np.sqrt(np.diag(own))[:P],
+        at_bound=tuple(at),
+        prior_width=problem.prior_width,
+        delay=1e-3 * float(z[P]),
+        delay_error=1e-3 * float(errors[P]),
+        axes=problem.axes,
+        offset=z[P + 1 :],
+        offset_error=errors[P + 1 :],
+        noise=np.sqrt(left),
+        explained=1.0 - np.divide(left, power, out=np.ones_like(left), where=power > 0.0),
+        orders=tuple(each.coefficients.size for each in noise),
+        unexplained=_unexplained(series, residual[:, -1], 1e-3 * float(z[P])),
+        seconds=series.time.size * problem.interval,
+        samples=series.time.size,
+        stretches=len(series.stretches),
+        seen=seen,
+    )
+
+
+def _inverse(information: FloatArray) -> FloatArray:
+    """Of a symmetric matrix whose rows have units of their own."""
+    size = 1.0 / np.sqrt(np.diag(information))
+    inverse: FloatArray = np.linalg.inv(information * np.outer(size, size)) * np.outer(size, size)
+    return inverse
+
+
+def _solve(
+    series: _Series, noise: Sequence[_Noise], z: FloatArray, delay: float, calls: int
+) -> tuple[FloatArray, FloatArray, float]:
+    """Least squares with this noise: z, whitened Jacobian, and how far z moved, in standard errors.
+
+    Solved in coordinates in which the first Jacobian is 0.01: parameters that the data hardly tell apart then cost no
+    more steps than others.
+    """
+    problem, P = series.problem, len(series.problem.names)
+    whole = P + series.whitened(series.force, noise).shape[0]
+
+    def whitened(z: FloatArray) -> FloatArray:
+        return np.concatenate([series.whitened(series.jacobian(z), noise), series.prior_slope(z)])
+
+    triangle = np.linalg.qr(whitened(z), mode="r")
+    across = 100.0 * linalg.solve_triangular(triangle, np.eye(z.size))
+
+    def residual(w: FloatArray) -> FloatArray:
+        at = z + across @ w
+        with np.errstate(over="ignore"):
+            x = series.coordinates.logs(at[:P]) if np.abs(at[:P]).max() < 600.0 else np.full(P, math.inf)
+        inside = ((x >= problem.low) & (x <= problem.high)).all() and abs(1e-3 * at[P] - delay) < 0.9 * _NEARBY
+        if not inside:
+            return np.full(whole, math.inf)  # a shorter step is tried
+        return np.concatenate([series.whitened(series.residual(at), noise), (x - problem.origin) / problem.prior_width])
+
+    solver: Callable[..., optimize.OptimizeResult] = optimize.least_squares
+    found = solver(
+        residual,
+        np.zeros(z.size),
+        jac=lambda w: whitened(z + across @ w) @ across,
+        ftol=1e-7,
+        xtol=1e-6,
+        max_nfev=calls,
+    )
+    at = z + across @ found.x
+    return at, whitened(at)[:-P], float(np.linalg.norm(triangle @ (at - z)))
+
+
+def _unexplained(series: _Series, residual: FloatArray, delay: float) -> float:
+    """Share of the residual's power that is coherent with the load, less what chance gives."""
+    load = np.concatenate(
+        [
+            np.interp(series.problem.recording.force_time[part] - delay, each.time, each.load)
+            for part, each in zip(series.parts, series.stretches, strict=True)
+        ]
+    )
+    longest = max(run.stop - run.start for run in series.runs)
+    length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
+    spectra = Spectra(1.0 / series.problem.interval, length, held=False)
+    for run in series.runs:
+        spectra.add(series.time[run], load[run], residual[run])
+    transfer = spectra.transfer()
+    if transfer is None or transfer.segments < 8:
+        return 0.0
+    by_chance = 1.2 / transfer.segments  # segments that overlap by half are not quite independent
+    share = np.sum(transfer.output * (transfer.coherence - by_chance)) / max(float(np.sum(transfer.output)), 1e-300)
+    return float(np.clip(share, 0.0, 1.0))
