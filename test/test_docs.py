@@ -70,7 +70,9 @@ ANY_NODE = r"/rosout|/parameter_events|/clock|~/.*(parameter|state|transition|ty
 
 
 def test_the_readme_has_the_topics_and_services_of_the_node(bench):
-    """Names and types on the real node, but for what every node and every managed node has."""
+    """Names and types on real nodes, given loads and on the road, but for what every (managed) node has."""
+    on_it = ("-p", "load_source:=road", "-p", "static_loads:=[4000.0]", "-r", "__ns:=/road")
+    road = bench("-p", "wheels:=[a]", *on_it).node
     node = bench("-p", "wheels:=[a]").node
     stated = [row for row in rows("README.md") if row[0] in ("in", "out", "service")]
     listed = {
@@ -78,12 +80,19 @@ def test_the_readme_has_the_topics_and_services_of_the_node(bench):
         "out": node.get_publisher_names_and_types_by_node,
         "service": node.get_service_names_and_types_by_node,
     }
+    on_the_road = {
+        "in": road.get_subscriber_names_and_types_by_node,
+        "out": road.get_publisher_names_and_types_by_node,
+        "service": road.get_service_names_and_types_by_node,
+    }
     for way, names_and_types in listed.items():
         said = {name(row[1]): row[2] for row in stated if row[0] == way and name(row[1])}
         if way == "out":
             del said["/tf_static"]  # only where there is tf2_msgs, and a parent frame
         real = {}
-        for topic, (kind,) in names_and_types("tire_dynamics", "/"):
+        of_both = [*names_and_types("tire_dynamics", "/"), *on_the_road[way]("tire_dynamics", "/road")]
+        for topic, (kind,) in of_both:
+            topic = topic.removeprefix("/road")
             topic = topic.replace("/tire_dynamics/", "~/").replace("/a/", "<wheel>/").replace("/joint", "joint")
             if not re.fullmatch(ANY_NODE, topic):
                 real[topic] = re.sub("/(msg|srv)/", "/", kind)
