@@ -77,7 +77,8 @@ from importlib.machinery import FileFinder, SourceFileLoader
 sources = FileFinder.path_hook((SourceFileLoader, [".py"]))
 
 def hook(path):
-    if "tire_dynamics" not in path.replace("\\\\", "/").split("/"):
+    # the package and its own packages; a clone and what is installed in it may lie below a folder of that name
+    if "tire_dynamics" not in path.replace("\\\\", "/").rstrip("/").split("/")[-2:]:
         raise ImportError
     return sources(path)
 

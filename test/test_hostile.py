@@ -540,7 +540,11 @@ def test_a_type_that_its_text_contradicts(tmp_path):
         for i, data in enumerate([b"", b"\0", b"\0\1\0\0", encode_float64(1.0), b"\0\1\0\0" + b"\xff" * 500, bytes(70)])
     )
     path.write_bytes(file_of(chunk(declared + garbage)))
-    assert "messages on w/load are not what their type says" in refused("replay", path, "-o", tmp_path / "out")
+    assert "w: there is no message of its speed" in refused("replay", path, "-o", tmp_path / "out")
+    speeds = b"".join(message(2, BEGIN + 10_000_000 * i, encode_float64(50.0)) for i in range(20))
+    unfit = message(1, BEGIN, b"") + message(1, BEGIN + 1, b"\0\1\0\0" + b"\xff" * 500)
+    path.write_bytes(file_of(chunk(declared + unfit + speeds)))
+    assert "2 messages of its load are not what their type says" in refused("replay", path, "-o", tmp_path / "out")
     path.write_bytes(file_of(chunk(declared + garbage + driving())))
     assert both(tmp_path, path) == (0, 0)
 

@@ -188,7 +188,7 @@ def test_a_pause_in_the_bag_ends_at_a_signal(listener, tmp_path):
 def test_a_long_gap_is_skipped_and_said(listener, tmp_path, options, gap):
     """As of a recording whose clock was set in between: all of it is played, without years of waiting."""
     with BagWriter(tmp_path / "bag") as writer:
-        speed = writer.add_topic("/speed", messages.FLOAT64)
+        speed = writer.add_topic("/speed", messages.FLOAT64, "default")
         for number, now in enumerate((BEGIN, BEGIN + STEP, BEGIN + gap * SECOND, BEGIN + gap * SECOND + STEP)):
             writer.write(speed, now, now, encode_float64(float(number)))
     with player(tmp_path / "bag", "--wait", "10", *options) as process:

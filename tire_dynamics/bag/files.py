@@ -167,7 +167,8 @@ def absent(folder: Path) -> list[str]:
     try:
         text = (folder / "metadata.yaml").read_bytes()[: _MAX_METADATA_YAML + 1]
         names = yaml_texts(text)["rosbag2_bagfile_information"]["relative_file_paths"]
-        pure = [PurePath(name).name for name in names if isinstance(name, str)]
+        listed = names if isinstance(names, list) else []
+        pure = dict.fromkeys(PurePath(name).name for name in listed if isinstance(name, str))
     except (OSError, yaml.YAMLError, ValueError, TypeError, LookupError, AttributeError, RecursionError):
         return []
     return [name for name in pure if name and not any((folder / f"{name}{end}").exists() for end in ("", ".zstd"))]

@@ -52,9 +52,10 @@ class _Sums:
         self.steps += int(np.count_nonzero(between == 10**9))
         self.last = int(times[-1])
         self.count += times.size
-        self.total += float(values.sum())
-        self.size += float(np.abs(values).sum())
-        self.squares += float(values @ values)
+        with np.errstate(over="ignore"):  # sums of what is finite may be infinite, which is as odd
+            self.total += float(values.sum())
+            self.size += float(np.abs(values).sum())
+            self.squares += float(values @ values)
 
     @property
     def mean(self) -> float:
@@ -62,7 +63,7 @@ class _Sums:
 
     @property
     def deviation(self) -> float:
-        return math.sqrt(max(self.squares / self.count - self.mean**2, 0.0))
+        return math.sqrt(max(self.squares / self.count - self.mean * self.mean, 0.0))
 
 
 class Plausibility:
