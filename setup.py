@@ -107,7 +107,7 @@ setup(
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
         "plot": ["matplotlib>=3.6"],
-        "report": ["plotly>=6.0"],  # it brings the plotly.js that goes into the page
+        "report": ["plotly>=6.0", "Jinja2>=3.0"],  # Plotly brings the plotly.js that goes into the page
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
