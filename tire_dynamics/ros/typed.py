@@ -8,7 +8,7 @@ from typing import Any
 
 from rclpy.type_support import check_for_type_support
 
-from ..cdr.messages import sec_nanosec
+from ..cdr.primitives import sec_nanosec
 from ..estimator.vehicle import Vehicle
 from ..files.errors import first_line
 
