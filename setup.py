@@ -64,6 +64,12 @@ if {"install", "develop"} & set(sys.argv):
 # ROS 2 Jazzy comes as wheels for this platform only; elsewhere the extra installs nothing and a ROS
 # installation provides rclpy.
 ROS_WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
+# What CMake needs to build a package of messages and services against these wheels.
+GENERATORS = (
+    "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
+    "ament-cmake-ros", "ament-package", "python-cmake-module", "rosidl-core-generators", "rosidl-default-generators",
+)  # fmt: skip
+INTERFACES = [*(f"ros-jazzy-{name}; {ROS_WHEELS}" for name in GENERATORS), "catkin_pkg", "empy>=3.3,<4"]
 DASK = "distributed>=2024.1"
 SHTAB = "shtab>=1.9"  # which knows fish
 CYTHON = "Cython>=" + ".".join(map(str, BUILD_STATE["CYTHON"]))
@@ -106,6 +112,7 @@ setup(
             f"ros-jazzy-rclpy[fastrtps]; {ROS_WHEELS}",
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
+        "interfaces": [*INTERFACES],  # what builds message packages: `make colcon`, and a test
         "plot": ["matplotlib>=3.6"],
         "report": ["plotly>=6.0", "Jinja2>=3.0"],  # Plotly brings the plotly.js that goes into the page
         "cluster": [DASK],  # Dask: replays and maps on several machines
