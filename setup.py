@@ -17,6 +17,10 @@ FLAGS_MSVC = ["/O2", "/fp:precise"]
 class BuildCore(build_ext):
     """Compiles the core; where that cannot be, the installation goes on, and the same source runs interpreted."""
 
+    def finalize_options(self):
+        super().finalize_options()
+        self.parallel = self.parallel or os.cpu_count()
+
     def run(self):
         in_place = self.inplace
         try:
@@ -103,7 +107,7 @@ setup(
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
         "plot": ["matplotlib>=3.6"],
-        "report": ["plotly>=6.0"],  # it brings the plotly.js that goes into the page
+        "report": ["plotly>=6.0", "Jinja2>=3.0"],  # Plotly brings the plotly.js that goes into the page
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
