@@ -226,7 +226,7 @@ _NODE_EXAMPLES = (
 
 def _declare(commands: _Commands) -> None:
     from ..replay import jobs
-    from . import answer, csv_import, figures, identify, import_tir, loads, report, response, road, uncertainty
+    from . import answer, compare, csv_import, figures, identify, import_tir, loads, report, response, road, uncertainty
     from . import map as map_
 
     command = commands.add(
@@ -293,6 +293,25 @@ def _declare(commands: _Commands) -> None:
     _add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=report.run)
+
+    command = commands.add(
+        _BAGS,
+        "compare",
+        help="a measured force at the hub against the model's, with confidence",
+        examples=(
+            ("compare drive drive_log --topic /hub/wrench -o compare.html", "a bag, and its replay"),
+            ("compare hub.csv drive_log --columns time=t z=Fz -o compare.html", "a logger's file"),
+            (
+                "compare hub.mf4 drive_log --columns x=Fx z=Fz --wheel front_left -o compare.html",
+                "MDF4, one of four wheels",
+            ),
+            ("compare /hub/wrench /front_left/axle_wrench --live 60 -o compare.html", "beside a running node"),
+        ),
+    )
+    compare.add_arguments(command)
+    _add_joint(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=compare.run)
 
     command = commands.add(
         _BAGS,
@@ -531,6 +550,10 @@ def _add_remap(command: argparse.ArgumentParser) -> None:
         default=[],
         help="take the input from this topic of the bag, as in front_left/load:=/fl/force_torque; may be repeated",
     )
+    _add_joint(command)
+
+
+def _add_joint(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--joint",
         metavar="WHEEL:=NAME",
