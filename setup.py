@@ -55,11 +55,14 @@ def extension(module):
     return Extension(module, [f"{source}.py"], depends=["setup.py", *glob("tire_dynamics/**/*.pxd", recursive=True)])
 
 
+# What ROS's keys do not bring, and nothing needs: colcon and Debian's tools would look for it.
+BY_PIP = ["mcap>=1.5", "lz4>=4.0", "zstandard>=0.20", "rosbags>=0.11"]
 scripts = ["tire-dynamics = tire_dynamics.cli.main:main"]
 # `ros2 run tire_dynamics node` looks for this name in lib/tire_dynamics, where colcon's commands put it.
 # pip puts scripts onto the PATH, where `node` is Node.js; there the same thing is `tire-dynamics node`.
 if {"install", "develop"} & set(sys.argv):
     scripts.append("node = tire_dynamics.cli.main:node")
+    BY_PIP = []
 
 # ROS 2 Jazzy comes as wheels for this platform only; elsewhere the extra installs nothing and a ROS
 # installation provides rclpy.
@@ -90,6 +93,7 @@ setup(
         ("share/ament_index/resource_index/packages", ["resource/tire_dynamics"]),
         ("share/tire_dynamics", ["package.xml"]),
         ("share/tire_dynamics/launch", glob("launch/*.launch.py")),
+        ("share/tire_dynamics/bags/sample", glob("bags/sample/*")),
         *((f"share/tire_dynamics/{folder}", [f"{folder}/{file}" for file in files]) for folder, files in config),
     ],
     ext_modules=[extension(module) for module in BUILD_STATE["CORE"]],
@@ -101,10 +105,7 @@ setup(
         "numpy>=1.26,<3",
         "scipy>=1.11",
         "PyYAML>=6.0",
-        "mcap>=1.5",
-        "lz4>=4.0",
-        "zstandard>=0.20",
-        "rosbags>=0.11",
+        *BY_PIP,
         "rich>=13.0",  # progress and tables on a terminal: pure Python, small, and loaded only there
     ],
     extras_require={
@@ -118,7 +119,7 @@ setup(
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
-        "interop": ["cyclonedds==11.0.1"],  # another vendor's DDS, for `make interop`
+        "interop": ["cyclonedds==11.0.1", "bloom>=0.13"],  # another vendor's DDS, ROS's release tool: `make interop`
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings-python>=2.0,<3", "latex2mathml>=3.78"],
         "test": [
             "pytest>=7.4", "pytest-xdist", "hypothesis>=6.98", "catkin_pkg", "playwright>=1.40", "ruff", "mypy",
