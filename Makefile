@@ -20,7 +20,7 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 endif
 
-BENCHMARKS := step road replay stability start live
+BENCHMARKS := step road replay compare stability start live
 
 CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
 

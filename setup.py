@@ -88,7 +88,7 @@ setup(
     maintainer_email="maintainers@tire-dynamics.example",
     license="Apache-2.0",
     packages=find_packages(include=["tire_dynamics", "tire_dynamics.*"]),
-    package_data={"tire_dynamics.report": ["template.html"]},
+    package_data={"tire_dynamics.report": ["*.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tire_dynamics"]),
         ("share/tire_dynamics", ["package.xml"]),
@@ -116,6 +116,7 @@ setup(
         "interfaces": [*INTERFACES],  # what builds message packages: `make colcon`, and a test
         "plot": ["matplotlib>=3.6"],
         "report": ["plotly>=6.0", "Jinja2>=3.0"],  # Plotly brings the plotly.js that goes into the page
+        "mdf": ["asammdf>=7.4"],  # MDF4 files for `compare`
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
@@ -123,7 +124,7 @@ setup(
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings-python>=2.0,<3", "latex2mathml>=3.78"],
         "test": [
             "pytest>=7.4", "pytest-xdist", "hypothesis>=6.98", "catkin_pkg", "playwright>=1.40", "ruff", "mypy",
-            "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
+            "asammdf>=7.4", "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
         ],  # fmt: skip
     },
     entry_points={"console_scripts": scripts},
