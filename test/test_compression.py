@@ -87,7 +87,7 @@ def test_bytes_that_are_no_frame(zstd, lz4_library, bad):
         with pytest.raises(CompressionError):
             read(bad)
     for read in (lz4_library.data, compression.lz4_data):
-        if bad:  # of nothing comes nothing, which is not what a chunk claims to hold
+        if len(bad) > 4:  # of less than a head comes nothing, which no chunk claims to hold
             with pytest.raises(CompressionError):
                 read(bad, 1000)
 
