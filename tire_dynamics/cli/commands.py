@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from .node import NODE_EXAMPLES
-from .options import A_BAG, add_clock, add_output, add_remap
+from .options import A_BAG, add_clock, add_joint, add_output, add_remap
 from .usage import Commands
 
 __all__ = ["all_commands"]
@@ -28,6 +28,7 @@ def all_commands() -> Commands:
 def _declare(commands: Commands) -> None:
     from . import (
         answer,
+        compare,
         completion,
         csv_import,
         figures,
@@ -101,6 +102,25 @@ def _declare(commands: Commands) -> None:
     add_clock(command)
     answer.add_arguments(command)
     command.set_defaults(run=report.run)
+
+    command = commands.add(
+        _BAGS,
+        "compare",
+        help="a measured force at the hub against the model's, with confidence",
+        examples=(
+            ("compare drive drive_log --topic /hub/wrench -o compare.html", "a bag, and its replay"),
+            ("compare hub.csv drive_log --columns time=t z=Fz -o compare.html", "a logger's file"),
+            (
+                "compare hub.mf4 drive_log --columns x=Fx z=Fz --wheel front_left -o compare.html",
+                "MDF4, one of four wheels",
+            ),
+            ("compare /hub/wrench /front_left/axle_wrench --live 60 -o compare.html", "beside a running node"),
+        ),
+    )
+    compare.add_arguments(command)
+    add_joint(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=compare.run)
 
     command = commands.add(
         _BAGS,

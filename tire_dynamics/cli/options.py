@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-__all__ = ["A_BAG", "add_clock", "add_config", "add_output", "add_remap"]
+__all__ = ["A_BAG", "add_clock", "add_config", "add_joint", "add_output", "add_remap"]
 
 A_BAG = "a rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file"  # in help
 
@@ -28,6 +28,11 @@ def add_remap(command: argparse.ArgumentParser) -> None:
         default=[],
         help="take the input from this topic of the bag, as in front_left/load:=/fl/force_torque; may be repeated",
     )
+    add_joint(command)
+
+
+def add_joint(command: argparse.ArgumentParser) -> None:
+    """``--joint``: a wheel's joint under another name."""
     command.add_argument(
         "--joint",
         metavar="WHEEL:=NAME",
