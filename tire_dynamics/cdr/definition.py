@@ -50,7 +50,7 @@ class Field(NamedTuple):
 
     name: str
     kind: str
-    count: int
+    length: int
 
     @property
     def is_number(self) -> bool:
@@ -63,7 +63,7 @@ class Field(NamedTuple):
         return self.kind in _TEXTS
 
     def __str__(self) -> str:
-        many = {SINGLE: "", SEQUENCE: "[]"}.get(self.count, f"[{self.count}]")
+        many = {SINGLE: "", SEQUENCE: "[]"}.get(self.length, f"[{self.length}]")
         return f"{self.name}{many}"
 
 

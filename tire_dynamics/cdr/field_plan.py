@@ -49,7 +49,7 @@ class Step(NamedTuple):
     """A part of a path: a field and, of an array, which element: a number, EVERY or a name; None of a single one."""
 
     name: str
-    index: int | str | None
+    element: int | str | None
 
 
 class Found(NamedTuple):
@@ -57,7 +57,7 @@ class Found(NamedTuple):
 
     steps: tuple[Step, ...]
     field: Field
-    count: int
+    length: int
 
 
 @dataclass
@@ -124,18 +124,18 @@ def find_field(types: Types, msgtype: str, path: str) -> Found:
             raise PlanError(f"has no field {path!r}; it has {listed(types, msgtype)}")
         found = fields[0]
         steps.append(Step(part, _index(path, found, index)))
-        if steps[-1].index == EVERY:
+        if steps[-1].element == EVERY:
             if count != SINGLE:
                 raise PlanError(f"{path!r} goes through two arrays; give one of them an index")
-            count = found.count
-        elif isinstance(steps[-1].index, str):
-            alone = all(step.index is None for step in steps[:-1]) and place + 1 == len(parts)
-            if not alone or not any(each.kind == "string" and each.count != SINGLE for each in types[name]):
+            count = found.length
+        elif isinstance(steps[-1].element, str):
+            alone = all(step.element is None for step in steps[:-1]) and place + 1 == len(parts)
+            if not alone or not any(each.kind == "string" and each.length != SINGLE for each in types[name]):
                 raise PlanError(f"{path!r} looks up {index!r}, but beside {part} there are no names to look it up in")
-            if found.count != SEQUENCE:
+            if found.length != SEQUENCE:
                 raise PlanError(f"{path!r} looks up {index!r}, but {part} is no sequence")
         name = found.kind
-        sequences += found.count == SEQUENCE
+        sequences += found.length == SEQUENCE
     if sequences > 1:
         raise PlanError(f"{path!r} is within two sequences; what is within one is read")
     return Found(tuple(steps), found, count)
@@ -143,16 +143,16 @@ def find_field(types: Types, msgtype: str, path: str) -> Found:
 
 def _index(path: str, found: Field, index: str | None) -> int | str | None:
     if index is None:
-        return None if found.count == SINGLE else EVERY
-    if found.count == SINGLE:
+        return None if found.length == SINGLE else EVERY
+    if found.length == SINGLE:
         raise PlanError(f"{path!r} has an index, but {found.name} is a single one")
     index = index.strip()
     if index in ("", EVERY):
         return EVERY
     if not index.isdecimal():
         return index
-    if len(index) > 6 or found.count != SEQUENCE and int(index) >= found.count:
-        raise PlanError(f"{path!r} asks for element {index}, but {found.name} has {max(found.count, 0)}")
+    if len(index) > 6 or found.length != SEQUENCE and int(index) >= found.length:
+        raise PlanError(f"{path!r} asks for element {index}, but {found.name} has {max(found.length, 0)}")
     return int(index)
 
 
@@ -171,7 +171,7 @@ class _Wanted(NamedTuple):
 
     @property
     def which(self) -> int | str | None:
-        return self.steps[0].index
+        return self.steps[0].element
 
     def within(self, element: int) -> _Wanted | None:
         """What is wanted of an element of an array whose elements are gone over one by one."""
@@ -223,16 +223,16 @@ def make_plan(
         found = find_field(types, msgtype, path)
         if not found.field.is_number:
             raise PlanError(f"{path!r} is no number; it has {listed(types, msgtype)}")
-        if found.count > SINGLE and len(slots) > found.count:
-            raise PlanError(f"{path!r} has {found.count} elements; {len(slots)} are wanted")
+        if found.length > SINGLE and len(slots) > found.length:
+            raise PlanError(f"{path!r} has {found.length} elements; {len(slots)} are wanted")
         needs.append(_Wanted(found.steps, dict(enumerate(slots))))
         plan.slots = max(plan.slots, *(slot + 1 for slot in slots))
-        plan.required += 0 if isinstance(found.steps[-1].index, str) and found.count == SINGLE else len(slots)
+        plan.required += 0 if isinstance(found.steps[-1].element, str) and found.length == SINGLE else len(slots)
     time: tuple[Step, ...] = ()
     unit = 0
     if stamp:
         found = find_field(types, msgtype, stamp)
-        if any(step.index is not None for step in found.steps):
+        if any(step.element is not None for step in found.steps):
             raise PlanError(f"{stamp!r} is within an array, and a time stamp must not be")
         if not found.field.is_number and found.field.kind != _TIME:
             raise PlanError(f"{stamp!r} is no time stamp: neither a builtin_interfaces/Time nor a number")
@@ -280,7 +280,7 @@ class _Writer:
             if time and time[0].name == each.name and len(time) == 1:
                 self._stamp(each, here)
             elif each.name == names:
-                self._row(NAMES, each.count)
+                self._row(NAMES, each.length)
             elif not here and not (time and time[0].name == each.name):
                 self._over(each)
             elif each.is_number:
@@ -309,7 +309,7 @@ class _Writer:
 
     def _numbers(self, each: Field, here: Sequence[_Wanted]) -> None:
         size, kind = SIZES[each.kind], KINDS[each.kind]
-        if each.count == SEQUENCE and _is_named(here[0]):
+        if each.length == SEQUENCE and _is_named(here[0]):
             names = self._plan.names
             for one in here:
                 if not _is_named(one):
@@ -317,13 +317,13 @@ class _Writer:
                 if one.which not in names:
                     names.append(str(one.which))
             self._row(BY_NAME, kind, *self._pairs((names.index(str(one.which)), one.slots[0]) for one in here))
-        elif each.count == SEQUENCE:
+        elif each.length == SEQUENCE:
             pairs: list[tuple[int, int]] = []
             for one in here:
                 pairs += one.slots.items() if one.which == EVERY else [(int(one.which or 0), one.slots[0])]
             self._row(SEQ, kind, *self._pairs(pairs))
         else:
-            for element in range(max(each.count, 1)):
+            for element in range(max(each.length, 1)):
                 inner = [one.within(element) for one in here]
                 pairs = [pair for one in inner if one is not None for pair in one.slots.items()]
                 if pairs:
@@ -332,34 +332,34 @@ class _Writer:
                     self._row(SKIP, size, size)
 
     def _inner(self, each: Field, here: Sequence[_Wanted], time: tuple[Step, ...]) -> None:
-        if each.count == SEQUENCE:
+        if each.length == SEQUENCE:
             self._loop(each, [one.looped() for one in here])
         else:
-            for element in range(max(each.count, 1)):
+            for element in range(max(each.length, 1)):
                 inner = [one.within(element) for one in here]
                 self.message(each.kind, [one for one in inner if one is not None], time)
 
     def _loop(self, each: Field, inner: Sequence[_Wanted]) -> None:
-        row = self._row(LOOP, each.count)
+        row = self._row(LOOP, each.length)
         self._edge = row + 1
         self.message(each.kind, inner)
         self._edge = len(self._plan.steps)
-        self._plan.steps[row] = (LOOP, each.count, self._edge, 0)
+        self._plan.steps[row] = (LOOP, each.length, self._edge, 0)
 
     def _over(self, each: Field) -> None:
         """Go over a field that is not wanted."""
         if each.is_text:
             if each.kind == "wstring":
                 raise PlanError(f"{each.name!r}, a wstring, stands before what is wanted, and is not read")
-            self._row(TEXT, each.count)
-        elif each.is_number and each.count == SEQUENCE:
+            self._row(TEXT, each.length)
+        elif each.is_number and each.length == SEQUENCE:
             self._row(OVER, SIZES[each.kind])
         elif each.is_number:
-            self._row(SKIP, SIZES[each.kind], SIZES[each.kind] * max(each.count, 1))
-        elif each.count == SEQUENCE or each.count > _MOST_UNROLLED:
+            self._row(SKIP, SIZES[each.kind], SIZES[each.kind] * max(each.length, 1))
+        elif each.length == SEQUENCE or each.length > _MOST_UNROLLED:
             self._loop(each, [])
         else:
-            for _ in range(max(each.count, 1)):
+            for _ in range(max(each.length, 1)):
                 self.message(each.kind, [])
 
 
@@ -369,5 +369,5 @@ def _is_named(wanted: _Wanted) -> bool:
 
 def _names_beside(fields: Sequence[Field]) -> str:
     """The field whose texts are the names of the elements beside it."""
-    texts = [each.name for each in fields if each.kind == "string" and each.count != SINGLE]
+    texts = [each.name for each in fields if each.kind == "string" and each.length != SINGLE]
     return next((name for name in _NAMES if name in texts), texts[0])

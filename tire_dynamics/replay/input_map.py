@@ -285,11 +285,11 @@ def _stamp(text: str, fields: Types, msgtype: str) -> tuple[str, int]:
         return "", 0
     if not text or text == "header":
         own = {field.name: field for field in fields[full_name(msgtype)]}
-        if "header" in own and own["header"].kind == "std_msgs/msg/Header" and own["header"].count == SINGLE:
+        if "header" in own and own["header"].kind == "std_msgs/msg/Header" and own["header"].length == SINGLE:
             return "header.stamp", 0
         if text:
             raise PlanError("has no header")
-        if "stamp" in own and own["stamp"].kind == "builtin_interfaces/msg/Time" and own["stamp"].count == SINGLE:
+        if "stamp" in own and own["stamp"].kind == "builtin_interfaces/msg/Time" and own["stamp"].length == SINGLE:
             return "stamp", 0
         return "", 0
     path, _, unit = text.partition(" ")
@@ -313,18 +313,23 @@ def _paths(source: Source, fields: Types, msgtype: str, values: Mapping[str, Any
             raise MapError(f"{source.where}: {msgtype} {error}") from None
         if leaf.field.is_number:
             last = leaf.steps[-1]
-            if source.by_name and last.index == EVERY and len(source.fields) == 1 and _has_names(fields, msgtype, text):
+            if (
+                source.by_name
+                and last.element == EVERY
+                and len(source.fields) == 1
+                and _has_names(fields, msgtype, text)
+            ):
                 joints = values["joint_names"]
                 found += [(f"{text}[{joints[place]}]", 1) for place in source.order]
-            elif leaf.count == SINGLE:
+            elif leaf.length == SINGLE:
                 found.append((text, 1))
             else:
                 if len(source.fields) > 1:
                     raise MapError(f"{source.where}: {text!r} has many elements; give one of them, or it alone")
-                if leaf.count > SINGLE and leaf.count < count:
-                    raise MapError(f"{source.where}: {text!r} has {leaf.count} elements; {count} are wanted")
+                if leaf.length > SINGLE and leaf.length < count:
+                    raise MapError(f"{source.where}: {text!r} has {leaf.length} elements; {count} are wanted")
                 found.append((text, count))
-        elif leaf.count == SINGLE and {"x", "y", "z"} <= {each.name for each in fields.get(leaf.field.kind, ())}:
+        elif leaf.length == SINGLE and {"x", "y", "z"} <= {each.name for each in fields.get(leaf.field.kind, ())}:
             found += [(f"{text}.{axis}", 1) for axis in "xyz"]
         else:
             raise MapError(f"{source.where}: {text!r} is no number")
@@ -337,7 +342,7 @@ def _paths(source: Source, fields: Types, msgtype: str, values: Mapping[str, Any
 
 def _has_names(fields: Types, msgtype: str, text: str) -> bool:
     return "." not in text and any(
-        each.kind == "string" and each.count != SINGLE for each in fields[full_name(msgtype)]
+        each.kind == "string" and each.length != SINGLE for each in fields[full_name(msgtype)]
     )
 
 
