@@ -250,6 +250,7 @@ def _declare(commands: _Commands) -> None:
         ),
     )
     command.add_argument("input", metavar="BAG", help=_A_BAG)
+    _add_inputs(command)
     _add_remap(command)
     _add_clock(command)
     answer.add_arguments(command, quiet=False)
@@ -267,12 +268,14 @@ def _declare(commands: _Commands) -> None:
             ("replay drive -o drive_log --config config/vehicle.yaml --force", "with these tires, over the last try"),
             ("replay monday/* -o logs --jobs 4", "many bags in four processes"),
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
+            ("replay drive -o out --inputs config/inputs/av21.yaml", "where messages are others"),
         ),
     )
     command.add_argument("input", metavar="IN", nargs="+", help=f"{_A_BAG}: inputs, or a log of the node")
     _add_output(command, "the rosbag2 folder to write")
     _add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
+    _add_inputs(command)
     _add_remap(command)
     _add_clock(command)
     jobs.add_arguments(command, "the bags")
@@ -289,6 +292,7 @@ def _declare(commands: _Commands) -> None:
         ),
     )
     report.add_arguments(command)
+    _add_inputs(command)
     _add_remap(command)
     _add_clock(command)
     answer.add_arguments(command)
@@ -523,6 +527,12 @@ def _add_config(command: argparse.ArgumentParser, help: str) -> None:
     command.add_argument("--config", metavar="YAML", help=help)
 
 
+def _add_inputs(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--inputs", metavar="YAML", help="a field map: which field of which message is which input; see config/inputs"
+    )
+
+
 def _add_remap(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--remap",
@@ -631,6 +641,7 @@ def _replay(options: argparse.Namespace) -> int:
         source,
         options.output,
         config=options.config,
+        inputs=options.inputs,
         force=options.force,
         quiet=options.quiet,
         remaps=remaps_of(options.remap),

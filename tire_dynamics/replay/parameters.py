@@ -18,9 +18,13 @@ from ..science.contact_step import ContactPoints
 from ..science.unit import HARMONICS, NOT_NEGATIVE, RATIOS, UNBOUNDED, WIDEST_CONTACT, TireWheelUnit
 from .input_map import QUANTITIES, sources
 
-__all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
+__all__ = ["CAR", "PARAMETERS", "Parameter", "complete", "read_config", "read_inputs", "unit_of", "vehicle_settings"]
 
 NODE_NAME = "tire_dynamics"
+
+CAR = ("front_left", "front_right", "rear_left", "rear_right")
+"""The wheels of a field map, where nothing else names them."""
+
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
 Kind = Literal[
@@ -158,6 +162,7 @@ def _input_parameters() -> Iterator[Parameter]:
         yield Parameter(
             f"{prefix}.sign", "double | double[]", (), "factor on its values: 1.0 or -1.0, for all or for each"
         )
+        yield Parameter(f"{prefix}.zero", "double | double[]", (), "what is taken from its values, in their unit, before the factor")
         if quantity.linear:
             yield Parameter(
                 f"{prefix}.radius", "double", 0.0, "rolling radius, to make rad/s of m/s, km/h or mph [m]", 0.0, 10.0
@@ -337,6 +342,47 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    values = _read(path)
+    try:
+        complete(values)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
+    """A field map from a YAML file like those in ``config/inputs``.
+
+    Parameters
+    ----------
+    path : path
+        A ROS 2 parameter file, with parameters ``inputs.*`` and perhaps ``wheels`` and ``joint_names``.
+
+    Returns
+    -------
+    dict
+        Parameter names and values, only those given. What they make together :func:`complete` checks, for the wheels
+        that there are.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else.
+    """
+    values = _read(path)
+    try:
+        for name, value in values.items():
+            if name in _BY_NAME and not name.startswith("inputs.") and name not in ("wheels", "joint_names"):
+                raise ValueError(f"{name} is no part of a field map, which has inputs.*, wheels and joint_names")
+            if name not in _BY_NAME:
+                raise ValueError(f"{name!r} is not a parameter of {NODE_NAME}{_suggestion(name)}")
+            _BY_NAME[name].check(value)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def _read(path: str | PathLike[str]) -> dict[str, Any]:
     if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
         raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
@@ -359,10 +405,6 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         values.pop("use_sim_time", None)  # a parameter of every node, not of this table
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
-    try:
-        complete(values)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     return values
 
 
