@@ -80,11 +80,14 @@ def car(frame="base", label="c", notes=("a", "bcd"), omegas=(1.0, 2.0, 3.0, 4.0)
 def read(wanted, data, stamp="", unit=0):
     reader = FieldReader([make_plan(TYPES, KIND, wanted, stamp, unit)])
     valid = reader.read(0, data)
-    return valid, [value if there else None for value, there in zip(reader.values, reader.found, strict=True)][:-1], reader
+    values = [value if there else None for value, there in zip(reader.values, reader.found, strict=True)]
+    return valid, values[:-1], reader
 
 
 @pytest.mark.parametrize("little", [True, False])
-@pytest.mark.parametrize(("frame", "label", "notes"), [("", "", ()), ("a", "bc", ("d",)), ("base_link", "x" * 7, ("", "é"))])
+@pytest.mark.parametrize(
+    ("frame", "label", "notes"), [("", "", ()), ("a", "bc", ("d",)), ("base_link", "x" * 7, ("", "é"))]
+)
 def test_fields_of_every_kind_behind_texts_of_every_length(little, frame, label, notes):
     wanted = [
         ("wheels.omega", [0, 1, 2, 3]), ("loads", [4, 5, 6, 7]), ("shocks[2]", [8]), ("spare[1].omega", [9]),
@@ -100,7 +103,7 @@ def test_stamps():
     assert read([("loads[0]", [0])], car(), "header.stamp")[2].stamp == 5_000_000_007
     assert read([("loads[0]", [0])], car(), "since_us", 1000)[2].stamp == 12_345_678_000
     assert read([("loads[0]", [0])], car(), "since_us")[2].stamp == 12_345_678
-    assert read([("loads[0]", [0])], car(), "wheels[0].omega" if False else "")[2].has_stamp is False
+    assert read([("loads[0]", [0])], car())[2].has_stamp is False
     assert not read([("loads[0]", [0])], car(stamp=(1, 10**9)), "header.stamp")[0]  # no time has so many nanoseconds
 
 
@@ -178,8 +181,11 @@ def test_what_cannot_be_a_stamp():
 
 @pytest.mark.parametrize(
     "text",
-    ["float64", "float64 1x", "Wheel wheel", "float64[ x", f"float64 x\n{RULE}\nfloat64 y", "float64 x;", "a/b/c/d e\n" * 600],
-)
+    [
+        "float64", "float64 1x", "Wheel wheel", "float64[ x", f"float64 x\n{RULE}\nfloat64 y", "float64 x;",
+        "a/b/c/d e\n" * 600,
+    ],
+)  # fmt: skip
 def test_a_text_that_is_no_definition_is_refused(text):
     with pytest.raises(MessageError):
         types = parse_definition(text, "a/msg/B")
@@ -202,7 +208,8 @@ FORMS = ["", "[]", "[3]"]
 def definitions(draw):
     """A type with fields before, between and behind two that are wanted, some in messages within."""
     field = st.tuples(st.sampled_from([*NUMBERS, "string", "Inner"]), st.sampled_from(FORMS))
-    inner = draw(st.lists(st.tuples(st.sampled_from([*NUMBERS, "string"]), st.sampled_from(FORMS)), min_size=1, max_size=4))
+    plain = st.tuples(st.sampled_from([*NUMBERS, "string"]), st.sampled_from(FORMS))
+    inner = draw(st.lists(plain, min_size=1, max_size=4))
     outer = draw(st.lists(field, min_size=1, max_size=7))
     lines = [f"{kind}{form} f{k}" for k, (kind, form) in enumerate(outer)]
     within = [f"{kind}{form} g{k}" for k, (kind, form) in enumerate(inner)]
@@ -277,7 +284,8 @@ def test_any_field_of_any_type_is_what_rosbags_reads(data):
 def test_numbers_at_their_ends():
     text = "int8 a\nint16 b\nint32 c\nint64 d\nuint64 e\nuint8 f\nuint16 g\nuint32 h\nfloat32 i\n"
     types = parse_definition(text, "a/msg/B")
-    raw = b"\0\1\0\0" + struct.pack("<bxhiqQBxHIf", -128, -32768, -(2**31), -(2**63), 2**64 - 1, 255, 65535, 2**32 - 1, 1.5)
+    numbers = -128, -32768, -(2**31), -(2**63), 2**64 - 1, 255, 65535, 2**32 - 1, 1.5
+    raw = b"\0\1\0\0" + struct.pack("<bxhiqQBxHIf", *numbers)
     reader = FieldReader([make_plan(types, "a/msg/B", [(name, [k]) for k, name in enumerate("abcdefghi")])])
     assert reader.read(0, raw)
     ends = [-128.0, -32768.0, -(2.0**31), -(2.0**63), 2.0**64, 255.0, 65535.0, 2.0**32 - 1, 1.5]

@@ -45,7 +45,8 @@ DEFINITIONS = {
     + TIME,
     "ds_dbw_msgs/msg/WheelSpeeds": f"std_msgs/Header header\n{FOUR}{HEADER}",
     "ds_dbw_msgs/msg/VehicleVelocity": "std_msgs/Header header\nfloat32 vehicle_velocity_brake\n"
-    f"float32 vehicle_velocity_propulsion\nuint8 dir_src\nuint8 DIR_NONE=0\nuint8 DIR_PRNDL=1\nuint8 DIR_SENSOR=2\n{HEADER}",
+    "float32 vehicle_velocity_propulsion\nuint8 dir_src\nuint8 DIR_NONE=0\nuint8 DIR_PRNDL=1\nuint8 DIR_SENSOR=2\n"
+    + HEADER,
     "tier4_vehicle_msgs/msg/WheelLinearSpeedReport": "builtin_interfaces/Time stamp\n"
     + "".join(f"float32 {wheel}_wheel_speed\n" for wheel in WHEELS)
     + TIME,

@@ -152,15 +152,15 @@ def _replay(
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}
-    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
-    if not any(reader.counts[name] != 0 for name in inputs.values()):
+    found = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
+    if not any(reader.counts[name] != 0 for name in found.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
         pipeline_of(reader, how)
         without = check(reader, how) if how.log is None else {}
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs, "without": without}
+    return {"possible": True, "wheels": how.values["wheels"], "inputs": found, "without": without}
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:

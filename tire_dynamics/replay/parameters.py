@@ -162,7 +162,9 @@ def _input_parameters() -> Iterator[Parameter]:
         yield Parameter(
             f"{prefix}.sign", "double | double[]", (), "factor on its values: 1.0 or -1.0, for all or for each"
         )
-        yield Parameter(f"{prefix}.zero", "double | double[]", (), "what is taken from its values, in their unit, before the factor")
+        yield Parameter(
+            f"{prefix}.zero", "double | double[]", (), "what its values are where the quantity is zero, in their unit"
+        )
         if quantity.linear:
             yield Parameter(
                 f"{prefix}.radius", "double", 0.0, "rolling radius, to make rad/s of m/s, km/h or mph [m]", 0.0, 10.0

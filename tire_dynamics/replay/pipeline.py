@@ -15,7 +15,7 @@ from ..bag import definitions as common
 from ..cdr import messages
 from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
-from .input_map import MapError, mapped_topics, mapped_types, sources
+from .input_map import QUANTITIES, MapError, mapped_topics, mapped_types, sources
 from .parameters import complete, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream, Sink
 
@@ -189,6 +189,18 @@ class Pipeline:
     def set_sink(self, sink: Sink | None) -> None:
         """Hand the samples of speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""
         self._stream.set_sink(sink)
+
+    def take_sums(self) -> dict[str, NDArray[np.float64]]:
+        """By quantity, of each wheel or component: count, sum, sum of sizes and of squares since the last call."""
+        sums = self._stream.take_sums()
+        return {name: sums[quantity.number] for name, quantity in QUANTITIES.items()}
+
+    @property
+    def empty(self) -> Counter[str]:
+        """By mapped topic, the messages that had none of the wheels' names."""
+        counts = self._stream.empty_counts
+        found = {topic.topic: counts[number] for number, topic in enumerate(self._stream.mapped)}
+        return Counter({topic: int(count) for topic, count in found.items() if count})
 
     def receive(self, topic: str, received: int, data: bytes) -> None:
         """Take a serialised input message at its time of receipt [ns]."""

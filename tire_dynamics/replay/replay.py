@@ -21,6 +21,7 @@ from ..files.errors import InputError
 from ..files.progress import progress
 from .doubts import InputDoubts
 from .input_map import mapped_types, sources, without_absent
+from .input_watch import doubts_of, watched
 from .inputs import first_reasons, hint, reasons
 from .parameters import CAR, NODE_NAME, complete, read_config, read_inputs
 from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs
@@ -123,7 +124,10 @@ def replay(
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
     without = reasons(reader, values, names, still)
-    return Summary(received, written, pipeline.values, reader.damage, without, [] if seen is None else seen.doubts())
+    doubts = [] if seen is None else seen.doubts()
+    if seen is not None and pipeline.mapped:
+        doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
+    return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 
 class Plan(NamedTuple):

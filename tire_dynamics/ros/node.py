@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -28,6 +29,7 @@ from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
 from ..files.errors import InputError, first_line
+from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
 from . import diagnostics, node_parameters
@@ -90,6 +92,8 @@ class TireDynamicsNode(LifecycleNode):
 
     _pipeline: Pipeline
     _monitor: UniformityMonitor
+    _watch: InputWatch
+    _doubts: list[str]  # of the inputs, as they were said last
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -236,6 +240,7 @@ class TireDynamicsNode(LifecycleNode):
         self._wanted = self._pipeline.values
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
+        self._watch, self._doubts = InputWatch(self._pipeline.values), []
         self._time = None
         try:
             if self._pipeline.values["log.directory"]:
@@ -569,6 +574,7 @@ class TireDynamicsNode(LifecycleNode):
     def _diagnose(self) -> None:
         if self._active:
             self._journal.retry()
+            self._look_at_inputs()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -584,6 +590,14 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
+    def _look_at_inputs(self) -> None:
+        """Say what has become odd about the inputs, once: numbers in it change from second to second."""
+        known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
+        self._doubts = self._watch.look(self._pipeline.take_sums())
+        for doubt in self._doubts:
+            if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
+                self.get_logger().warning(f"doubtful: {doubt}")
+
     def _node_status(self) -> DiagnosticStatus:
         times, self._step_times = self._step_times, []
         values = {
@@ -596,9 +610,13 @@ class TireDynamicsNode(LifecycleNode):
             **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
+            **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
         wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
-        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name))
+        return self._status(
+            "node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name, self._doubts)
+        )
 
     def _idle_status(self) -> DiagnosticStatus:
         _, state = self._state_machine.current_state
