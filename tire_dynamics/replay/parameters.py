@@ -212,7 +212,6 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
     Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
     Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
-    *_input_parameters(),
     Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
@@ -220,6 +219,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
     Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
     Parameter("log.compression", "string", "zstd", "compression of the log's chunks", choices=("zstd", "lz4", "none")),
+    *_input_parameters(),
 )
 
 _MOST_OF_A_BELT = 1_000_000  # samples times modes: what is summed for one shape

@@ -228,7 +228,11 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._pipeline, self._wanted = Pipeline(values, definitions_of(values)), values
+            pipeline = Pipeline(values, definitions_of(values))
+        except ValueError as error:  # of the field map, whose types are known only here
+            raise InputError(str(error)) from None
+        try:
+            self._pipeline, self._wanted = pipeline, values
             self._period = self._pipeline.vehicle.settings.period
             self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
@@ -285,12 +289,12 @@ class TireDynamicsNode(LifecycleNode):
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
+            if (name := self.resolve_topic_name(topic)) in names.values():
+                raise InputError(f"{topic} of inputs.*.topic is {name}, an input already; write both in the same way")
             subscription = self._qos.subscription(
                 message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
-            if subscription.topic_name in names.values():
-                raise InputError(f"{topic} is {subscription.topic_name}, an input already; write both in the same way")
             names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
