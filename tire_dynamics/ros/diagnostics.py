@@ -53,7 +53,12 @@ def of_idle_node(state: str, refusal: Exception | None) -> Finding:
 
 
 def of_node(
-    wheels: int, values: Mapping[str, Any], log: tuple[Mapping[str, Any], str, str], namesakes: int, full_name: str
+    wheels: int,
+    values: Mapping[str, Any],
+    log: tuple[Mapping[str, Any], str, str],
+    namesakes: int,
+    full_name: str,
+    doubts: Sequence[str] = (),
 ) -> Finding:
     """Of an active node.
 
@@ -67,6 +72,8 @@ def of_node(
     namesakes : int
         Other nodes of the same full name.
     full_name : str
+    doubts : sequence of str
+        What is odd about the inputs.
     """
     logged, trouble, missing = log
     level, summary = DiagnosticStatus.OK, f"{wheels} wheels"
@@ -74,6 +81,9 @@ def of_node(
         level, summary = DiagnosticStatus.ERROR, trouble
     elif missing:
         level, summary = DiagnosticStatus.WARN, missing
+    if doubts:
+        level = max(level, DiagnosticStatus.WARN)
+        summary = f"doubtful: {doubts[0]}" if level == DiagnosticStatus.WARN else f"{summary}; doubtful: {doubts[0]}"
     if namesakes > 0:
         level = max(level, DiagnosticStatus.WARN)
         summary = f"{namesakes} other nodes are called {full_name}; {summary}"

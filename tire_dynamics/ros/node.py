@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -28,11 +29,13 @@ from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
 from ..files.errors import InputError, first_line
+from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
 from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
+from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .qos_overrides import QosOverrides
@@ -90,6 +93,8 @@ class TireDynamicsNode(LifecycleNode):
 
     _pipeline: Pipeline
     _monitor: UniformityMonitor
+    _watch: InputWatch
+    _doubts: list[str]  # of the inputs, as they were said last
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -223,7 +228,11 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._pipeline, self._wanted = Pipeline(values), values
+            pipeline = Pipeline(values, definitions_of(values))
+        except ValueError as error:  # of the field map, whose types are known only here
+            raise InputError(str(error)) from None
+        try:
+            self._pipeline, self._wanted = pipeline, values
             self._period = self._pipeline.vehicle.settings.period
             self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
@@ -234,10 +243,12 @@ class TireDynamicsNode(LifecycleNode):
         self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._pipeline.inputs)} topics")
 
     def _activate(self) -> None:
-        self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
+        made = Pipeline(self._pipeline.values, self._pipeline.definitions)  # nothing of what was before
+        self._journal.pipeline = self._pipeline = made
         self._wanted = self._pipeline.values
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
+        self._watch, self._doubts = InputWatch(self._pipeline.values), []
         self._time = None
         try:
             if self._pipeline.values["log.directory"]:
@@ -278,14 +289,16 @@ class TireDynamicsNode(LifecycleNode):
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
+            if (name := self.resolve_topic_name(topic)) in names.values():
+                raise InputError(f"{topic} of inputs.*.topic is {name}, an input already; write both in the same way")
             subscription = self._qos.subscription(
-                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+                message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
             names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
-            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            self._outputs[topic] = self._publisher(topic, message_class(msgtype), 10)
             names[topic] = self._outputs[topic].topic_name
         names[DIAGNOSTICS] = self._diagnostics.topic_name
         names[TF_STATIC] = TF_STATIC
@@ -346,7 +359,7 @@ class TireDynamicsNode(LifecycleNode):
             self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
             return
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
+        self._publisher(TF_STATIC, message_class(messages.TF), qos).publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
@@ -623,6 +636,7 @@ class TireDynamicsNode(LifecycleNode):
     def _diagnose(self) -> None:
         if self._active:
             self._journal.retry()
+            self._look_at_inputs()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -638,6 +652,14 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
+    def _look_at_inputs(self) -> None:
+        """Say what has become odd about the inputs, once: numbers in it change from second to second."""
+        known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
+        self._doubts = self._watch.look(self._pipeline.take_sums())
+        for doubt in self._doubts:
+            if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
+                self.get_logger().warning(f"doubtful: {doubt}")
+
     def _node_status(self) -> DiagnosticStatus:
         times, self._step_times = self._step_times, []
         values = {
@@ -650,9 +672,13 @@ class TireDynamicsNode(LifecycleNode):
             **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
+            **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
         wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
-        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name))
+        return self._status(
+            "node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name, self._doubts)
+        )
 
     def _idle_status(self) -> DiagnosticStatus:
         _, state = self._state_machine.current_state
@@ -738,10 +764,3 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
-
-
-def _message_class(msgtype: str) -> Any:
-    from importlib import import_module
-
-    package, _, name = msgtype.split("/")
-    return getattr(import_module(f"{package}.msg"), name)
