@@ -317,6 +317,7 @@ def _declare(commands: _Commands) -> None:
             ("play bags/sample", "once, its stamps moved to the present"),
             ("play drive --rate 2 --loop", "twice as fast, again and again"),
             ("play drive --wait 10", "begin when somebody listens to every topic, or after 10 s"),
+            ("play drive --ros-args -r __ns:=/car -r /car/front_left/load:=/hub", "below /car, one elsewhere"),
         ),
     )
     command.add_argument("input", metavar="IN", help=_A_BAG)
@@ -332,6 +333,13 @@ def _declare(commands: _Commands) -> None:
     )
     command.add_argument(
         "--wait", metavar="S", type=float, default=0.0, help="wait at most S seconds for a subscriber on every topic"
+    )
+    command.add_argument(
+        "--ros-args",
+        metavar="ARG",
+        nargs=argparse.REMAINDER,
+        default=[],
+        help="arguments for ROS, to the end of the line: with a namespace, topics move below it",
     )
     answer.add_arguments(command)
     command.set_defaults(run=_play)
@@ -590,6 +598,7 @@ def _play(options: argparse.Namespace) -> int:
         keep_stamps=options.keep_stamps,
         wait=options.wait,
         max_gap=options.max_gap,
+        ros_arguments=options.ros_args,
     )
     answer(options, {"input": options.input, "messages": count}, f"{count} messages published")
     return 0
