@@ -368,7 +368,7 @@ def test_two_cars_side_by_side(ros_domain, tmp_path):
                 f"/{name}/joint_states", *loads, *(f"/{name}/{wheel}/load_force" for wheel in ("left", "right")),
                 *(f"/{name}/{wheel}/wheel_speed" for wheel in ("left", "right")),
             }  # fmt: skip
-            assert node._wheel_status(0, node._second).name == f"{name}/tire_dynamics: left"
+            assert node._wheel_status(0).name == f"{name}/tire_dynamics: left"
             assert list(node.get_parameter("frame_ids").value) == [f"{name}_left_axle", f"{name}_right_axle"]
 
 

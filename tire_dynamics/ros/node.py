@@ -138,7 +138,7 @@ class TireDynamicsNode(LifecycleNode):
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
-        self._second = _Second()
+        self._before = self._second = _Second()
         self._step_times: list[float] = []
         self._stabilities: list[dict[str, Any]] = []
         self._next_wheel = 0
@@ -253,7 +253,7 @@ class TireDynamicsNode(LifecycleNode):
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._time = None
-        self._second = self._present_second()
+        self._before = self._second = self._present_second()
         try:
             if self._pipeline.values["log.directory"]:
                 self._journal.start().wait_until_open()
@@ -653,10 +653,10 @@ class TireDynamicsNode(LifecycleNode):
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
-            before, self._second = self._second, self._present_second()
-            array.status = [self._node_status(before)]
+            self._before, self._second = self._second, self._present_second()
+            array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
-                array.status.append(self._wheel_status(index, before))
+                array.status.append(self._wheel_status(index))
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
@@ -664,8 +664,8 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
-    def _node_status(self, before: _Second) -> DiagnosticStatus:
-        missed, ticks = self._missed - before.missed, self._ticks - before.ticks
+    def _node_status(self) -> DiagnosticStatus:
+        missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
         simulated = bool(self._clock_now.ros_time_is_active)
         slow = diagnostics.of_ticks(missed, ticks, self._pipeline.values["rate_hz"], simulated)
         self._announcer.warn_of_ticks(slow[1])
@@ -692,9 +692,9 @@ class TireDynamicsNode(LifecycleNode):
         _, state = self._state_machine.current_state
         return self._status("node", diagnostics.of_idle_node(state, self._refusal))
 
-    def _wheel_status(self, index: int, before: _Second) -> DiagnosticStatus:
+    def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
-        samples = self._second.samples[index] - before.samples[index]
+        samples = self._second.samples[index] - self._before.samples[index]
         hint = self._announcer.misfit
         found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint)
         return self._status(vehicle.settings.wheels[index], found)
