@@ -85,6 +85,8 @@ def test_the_readme_has_the_topics_and_services_of_the_node(bench):
     }
     for way, names_and_types in listed.items():
         said = {name(row[1]): row[2] for row in stated if row[0] == way and name(row[1])}
+        # Those with messages that are not installed: test/interfaces looks at them.
+        said = {topic: kind for topic, kind in said.items() if not kind.startswith("tire_dynamics_msgs/")}
         if way == "out":
             del said["/tf_static"]  # only where there is tf2_msgs, and a parent frame
         real = {}

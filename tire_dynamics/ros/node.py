@@ -31,7 +31,7 @@ from ..cdr import messages
 from ..files.errors import InputError, first_line
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
-from . import diagnostics, node_parameters
+from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
 from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
@@ -132,7 +132,7 @@ class TireDynamicsNode(LifecycleNode):
         self._journal = Journal(self.get_logger(), self._now)
         self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
         self._analyst = Analyst()
-        self._unanswered: set[Deferred] = set()
+        self._unanswered: dict[Deferred, Any] = {}  # with the response of each
         self._switching: list[tuple[Callable[[], tuple[bool, str] | None], Deferred]] = []
         self._preparing = False
         self._namesakes = 0
@@ -276,9 +276,10 @@ class TireDynamicsNode(LifecycleNode):
         self._worker.forget()
         self._judge.forget()
         while self._unanswered:
-            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
-        while self._switching:
-            self._switching.pop()[1].answer(SetBool.Response(success=False, message=_NOT_ACTIVE))
+            deferred, response = self._unanswered.popitem()
+            response.success, response.message = False, _NOT_ACTIVE
+            deferred.answer(response)
+        self._switching.clear()
         self._preparing = False
         if was_active and self._not_in_force():  # what was accepted counts, and the log says so
             self._pipeline.set_values(self._wanted)
@@ -318,7 +319,9 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._pipeline.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
+            reply = self._stability_service(index, _put_as_json)
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", reply))
+        self._connect_typed(wheels)
         allow_deferred(self._service(SetBool, "~/set_logging", self._set_logging))
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
@@ -328,6 +331,22 @@ class TireDynamicsNode(LifecycleNode):
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
         self._qos.check()
+
+    def _connect_typed(self, wheels: Sequence[str]) -> None:
+        """The topic and the service of each wheel that need messages which may not be installed."""
+        self._wheel_states = None
+        try:
+            if not typed.are_installed():
+                return
+        except RuntimeError as error:
+            self.get_logger().warning(f"no topic <wheel>/{typed.TOPIC}, no service <wheel>/{typed.SERVICE}: {error}")
+            return
+        from tire_dynamics_msgs.srv import FloquetStability
+
+        self._wheel_states = typed.WheelStates(wheels, self._pipeline.values["frame_ids"], self._publisher)
+        for index, wheel in enumerate(wheels):
+            reply = self._stability_service(index, _put_into_fields)
+            allow_deferred(self._service(FloquetStability, f"{wheel}/{typed.SERVICE}", reply))
 
     def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
         publisher = self._qos.publisher(kind, topic, qos)
@@ -532,7 +551,7 @@ class TireDynamicsNode(LifecycleNode):
                     self._journal.drop(topic)
 
     def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
-        """The markers of the wheels whose belts have come, where somebody looks at them."""
+        """Markers and state of the wheels whose belts have come, where somebody looks at them."""
         scale, vehicle = self._pipeline.values["marker_force_scale"], self._pipeline.vehicle
         shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
         for index, wheel in enumerate(vehicle.settings.wheels):
@@ -543,6 +562,8 @@ class TireDynamicsNode(LifecycleNode):
                 points = messages.ring_points(data, vehicle.settings.ring_samples)
                 markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
+            if data is not None and self._wheel_states is not None:
+                self._wheel_states.publish(index, stamp, vehicle, self._stabilities[index])
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
@@ -576,6 +597,7 @@ class TireDynamicsNode(LifecycleNode):
             return response
         deferred = Deferred()
         self._switching.append((self._journal.switch(request.data), deferred))
+        self._unanswered[deferred] = response
         return deferred
 
     def _answer_switches(self) -> None:
@@ -584,13 +606,15 @@ class TireDynamicsNode(LifecycleNode):
             if (found := outcome()) is None:
                 waiting.append((outcome, deferred))
             else:
-                deferred.answer(SetBool.Response(success=found[0], message=found[1]))
+                response = self._unanswered.pop(deferred)
+                response.success, response.message = found
+                deferred.answer(response)
         self._switching = waiting
 
     # -- stability and diagnostics --------------------------------------------------------------------------
 
-    def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
+    def _stability_service(self, index: int, put: Callable[[dict[str, Any], Any], None]) -> Any:
+        def reply(request: Any, response: Any) -> Any:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
@@ -598,15 +622,18 @@ class TireDynamicsNode(LifecycleNode):
             name = vehicle.settings.wheels[index]
 
             def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
-                self._unanswered.discard(deferred)
+                self._unanswered.pop(deferred, None)
                 response.success = found is not None
-                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                if found is None:
+                    response.message = str(error)
+                else:
+                    put({**found, "wheel": name}, response)
                 deferred.answer(response)
 
             if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
                 response.success, response.message = False, _BUSY
                 return response
-            self._unanswered.add(deferred)
+            self._unanswered[deferred] = response
             return deferred
 
         return reply
@@ -754,6 +781,15 @@ def run(stop: Stop) -> None:
             node.pace()
     finally:
         node.close()
+
+
+def _put_as_json(found: dict[str, Any], response: Any) -> None:
+    response.message = json.dumps(found)
+
+
+def _put_into_fields(found: dict[str, Any], response: Any) -> None:
+    response.wheel = found["wheel"]
+    typed.fill_stability(response.stability, found)
 
 
 def _wake(executor: Any) -> None:
