@@ -345,7 +345,7 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
     )
 
 
-def read_config(path: str | PathLike[str]) -> dict[str, Any]:
+def read_config(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:
     """Parameters from a YAML file: a ROS 2 parameter file, or the fields of one unit.
 
     Parameters
@@ -354,6 +354,9 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         A file like ``config/vehicle.yaml``, or as ``ros2 param dump`` writes it, of which the sections for any node
         (``/**``) and for a node named ``tire_dynamics`` are read, or like ``config/table_1.yaml``. In a ROS file null
         is the default, and parameters that every node has are left out.
+    node : str, optional
+        Full name of the node that is meant, such as ``/car/tire_dynamics``: then what is for it alone is read, as ROS
+        does. Without it, parameters for two nodes named ``tire_dynamics`` are refused.
 
     Returns
     -------
@@ -365,7 +368,7 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
-    values = _read(path)
+    values = _read(path, node)
     try:
         complete(values)
     except ValueError as error:
@@ -405,7 +408,7 @@ def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
     return values
 
 
-def _read(path: str | PathLike[str]) -> dict[str, Any]:
+def _read(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:
     if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
         raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
@@ -419,16 +422,16 @@ def _read(path: str | PathLike[str]) -> dict[str, Any]:
         values: dict[str, Any] = {}
         full_names = {f"/{node.strip('/')}" for node, _ in sections if "*" not in node}
         namesakes = {name for name in full_names if name.split("/")[-1] == NODE_NAME}
-        if len(namesakes) > 1:
+        if len(namesakes) > 1 and node is None:
             raise InputError(f"{path}: has parameters for {' and '.join(sorted(namesakes))}; leave those of one")
-        for node, section in sections:
-            if node.split("/")[-1] in ("**", "*", NODE_NAME):
+        for name, section in sections:
+            if _is_for(name, node):
                 if not isinstance(section, dict):
-                    raise InputError(f"{path}: ros__parameters of {node} is not a mapping")
+                    raise InputError(f"{path}: ros__parameters of {name} is not a mapping")
                 values.update(_flat(section))
         if not values:
-            nodes = ", ".join(node for node, _ in sections)
-            raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
+            names = ", ".join(name for name, _ in sections)
+            raise InputError(f"{path}: has parameters for {names}, and none for {node or NODE_NAME}")
         values = {name: value for name, value in values.items() if value is not None and not is_of_every_node(name)}
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
@@ -455,6 +458,14 @@ def _ros_sections(tree: Mapping[Any, Any], name: str = "") -> Iterator[tuple[str
             yield name, value
         elif isinstance(value, dict):
             yield from _ros_sections(value, f"{name}/{str(key).strip('/')}")
+
+
+def _is_for(name: str, node: str | None) -> bool:
+    """Whether a section's name means a node: by its full name, or by any that is called as this package's is."""
+    if node is None:
+        return name.split("/")[-1] in ("**", "*", NODE_NAME)
+    parts = [{"**": "(/[^/]+)*", "*": "/[^/]+"}.get(part, "/" + re.escape(part)) for part in name.strip("/").split("/")]
+    return re.fullmatch("".join(parts), node) is not None
 
 
 def _flat(tree: Mapping[Any, Any], prefix: str = "") -> dict[str, Any]:
