@@ -17,6 +17,10 @@ FLAGS_MSVC = ["/O2", "/fp:precise"]
 class BuildCore(build_ext):
     """Compiles the core; where that cannot be, the installation goes on, and the same source runs interpreted."""
 
+    def finalize_options(self):
+        super().finalize_options()
+        self.parallel = self.parallel or os.cpu_count()
+
     def run(self):
         in_place = self.inplace
         try:

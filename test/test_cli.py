@@ -23,7 +23,9 @@ from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
-from tire_dynamics.cli.main import SHELLS, _Commands, main
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
+from tire_dynamics.cli.main import main
 
 REPOSITORY = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
@@ -374,6 +376,8 @@ class NoRos:  # a machine with no ROS: its packages cannot be found
 
 sys.meta_path[:] = [NoRos if finder is PathFinder else finder for finder in sys.meta_path]
 sys.argv[0] = "tire-dynamics"
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
 from tire_dynamics.cli.main import main
 status = main()
 assert "rclpy" not in sys.modules
@@ -424,7 +428,7 @@ def test_what_needs_ros_says_so(arguments):
 
 # --- what the help says ---
 
-COMMANDS = _Commands()
+COMMANDS = all_commands()
 NAMES = list(COMMANDS.commands.choices)
 
 
@@ -701,6 +705,8 @@ AT_ONCE = """
 import sys
 from tire_dynamics.files import progress
 progress._AFTER = progress._EVERY = 0.0
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
 from tire_dynamics.cli.main import main
 sys.exit(main())
 """

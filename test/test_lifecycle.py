@@ -127,7 +127,7 @@ def test_parameters_are_checked_when_it_is_configured_and_can_be_mended(bench):
     assert state(one) == State.PRIMARY_STATE_UNCONFIGURED
     one.until(lambda: says(diagnostics, "rate_hz is -1.0; it must be at least 1"), "the reason in the diagnostics")
     assert diagnostics[-1].status[0].level == DiagnosticStatus.ERROR
-    assert one.set("rate_hz", "fast").successful  # nothing is checked yet
+    assert not one.set("rate_hz", "fast").successful and not one.set("rate_hz", -2.0).successful
     assert not change(one, CONFIGURE)
     assert one.set("rate_hz", 250.0).successful
     assert change(one, CONFIGURE) and change(one, ACTIVATE)

@@ -1,8 +1,8 @@
 """``tire-dynamics report``: a log, or the replay of a bag, as one page that opens from disk with no network.
 
 ``gather`` reads the bag once, in blocks; ``analysis`` has what is computed on the way, as functions and small classes
-of arrays; ``theory`` has what the model says to hold against it, ``findings`` what it comes to in words, and ``page``
-makes figures and HTML of it all.
+of arrays; ``theory`` has what the model says to hold against it, ``findings`` what it comes to in words; charts and
+tables go into the template in ``page``.
 """
 
 from __future__ import annotations
@@ -142,7 +142,7 @@ def report(
     Raises
     ------
     InputError
-        The bag, the parameters, their errors or the output cannot be used, or plotly is missing.
+        The bag, the parameters, their errors or the output cannot be used, or plotly or Jinja2 is missing.
     """
     from tempfile import TemporaryDirectory
 
@@ -185,6 +185,6 @@ def _check_output(target: Path, *, force: bool) -> None:
     """Whether the page may be written: what cannot be is better known before the work."""
     if target.suffix.lower() != ".html":
         raise InputError(f"--output is {target}; its name must end in .html")
-    if find_spec("plotly") is None:
-        raise InputError("reports need plotly: pip install 'tire_dynamics[report]'")
+    if find_spec("plotly") is None or find_spec("jinja2") is None:
+        raise InputError("reports need plotly and Jinja2: pip install 'tire_dynamics[report]'")
     writable(target, force=force)

@@ -15,9 +15,9 @@ from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
 from ..science.contact_step import ContactPoints
-from ..science.unit import HARMONICS, NOT_NEGATIVE, RATIOS, UNBOUNDED, WIDEST_CONTACT, TireWheelUnit
+from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
 
-__all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
+__all__ = ["PARAMETERS", "Parameter", "complete", "is_of_every_node", "read_config", "unit_of", "vehicle_settings"]
 
 NODE_NAME = "tire_dynamics"
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
@@ -27,7 +27,7 @@ Kind = Literal["boolean", "double", "double[]", "integer", "string", "string[]"]
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of the table. ``low`` and ``high`` are inclusive; 0 is not allowed where ``positive``."""
+    """One row of the table. ``low`` and ``high``, which every number has, are inclusive."""
 
     name: str
     kind: Kind
@@ -35,7 +35,6 @@ class Parameter:
     description: str
     low: float | None = None
     high: float | None = None
-    positive: bool = False
     choices: tuple[str, ...] = ()
     read_only: bool = True
 
@@ -69,8 +68,6 @@ class Parameter:
             raise ValueError(f"{self.name} is {value!r}; it must be a floating-point number{hint}")
         if not math.isfinite(value):
             raise ValueError(f"{self.name} is {value!r}; it must be finite")
-        if self.positive and value <= 0.0:
-            raise ValueError(f"{self.name} is {value!r}; it must be > 0")
         if self.low is not None and value < self.low:
             raise ValueError(f"{self.name} is {value!r}; it must be at least {self.low:g}")
         if self.high is not None and value > self.high:
@@ -109,22 +106,42 @@ _TIRE_UNITS = {
 }
 
 
+# What a description of a tire can hold, from a model car's to an earthmover's and an aircraft's with much to spare: a
+# slip of the decimal point by many places, or of the unit, is refused.
+_TIRE_BOUNDS = {
+    "density": (1.0, 1e5),
+    "bending_stiffness": (1e-6, 1e6),
+    "membrane_stiffness": (1e2, 1e10),
+    "radius": (1e-3, 10.0),
+    "width": (1e-3, 10.0),
+    "thickness": (1e-5, 1.0),
+    "radial_stiffness": (1e2, 1e10),
+    "tangential_stiffness": (1e2, 1e10),
+    "inflation_pressure": (1.0, 1e8),
+    "wheel_mass": (1e-3, 1e5),
+    "suspension_stiffness": (1.0, 1e10),
+    "contact_half_angle": (0.0, WIDEST_CONTACT),
+    "longitudinal_stiffness": (0.0, 1e10),
+    "longitudinal_mass": (0.0, 1e5),
+    "imbalance_mass": (0.0, 1e3),
+    "imbalance_angle": (-1e3, 1e3),
+    "vertical_stiffness": (0.0, 1e10),
+    "residual_damping": (0.0, 1e8),
+    "sprung_mass": (0.0, 1e6),
+    **dict.fromkeys(RATIOS, (0.0, 1.0)),
+}
+
+
 def _tire_parameters() -> tuple[Parameter, ...]:
     rows = []
     for name, default in TireWheelUnit.table_1().to_mapping().items():
-        row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
-        if name in RATIOS:
-            row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in NOT_NEGATIVE:
-            row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
-        elif name in UNBOUNDED:
-            row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
+        row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], read_only=False)
+        if name in _TIRE_BOUNDS:
+            row = dataclasses.replace(row, low=_TIRE_BOUNDS[name][0], high=_TIRE_BOUNDS[name][1])
         elif name in HARMONICS:
-            row = dataclasses.replace(row, kind="double[]", default=(), positive=False)
-        elif name == "contact_half_angle":
-            row = dataclasses.replace(row, positive=False, low=0.0, high=WIDEST_CONTACT)
+            row = dataclasses.replace(row, kind="double[]", default=())
         elif name == "sidewall_damping":
-            row = dataclasses.replace(row, kind="string", positive=False, choices=("modal", "reaction"))
+            row = dataclasses.replace(row, kind="string", choices=("modal", "reaction"))
         rows.append(row)
     return tuple(rows)
 
@@ -287,8 +304,9 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     Parameters
     ----------
     path : path
-        A file like ``config/vehicle.yaml``, of which the sections for any node (``/**``) and for a node named
-        ``tire_dynamics`` are read, or like ``config/table_1.yaml``.
+        A file like ``config/vehicle.yaml``, or as ``ros2 param dump`` writes it, of which the sections for any node
+        (``/**``) and for a node named ``tire_dynamics`` are read, or like ``config/table_1.yaml``. In a ROS file null
+        is the default, and parameters that every node has are left out.
 
     Returns
     -------
@@ -311,6 +329,10 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     sections = list(_ros_sections(content))
     if sections:
         values: dict[str, Any] = {}
+        full_names = {f"/{node.strip('/')}" for node, _ in sections if "*" not in node}
+        namesakes = {name for name in full_names if name.split("/")[-1] == NODE_NAME}
+        if len(namesakes) > 1:
+            raise InputError(f"{path}: has parameters for {' and '.join(sorted(namesakes))}; leave those of one")
         for node, section in sections:
             if node.split("/")[-1] in ("**", "*", NODE_NAME):
                 if not isinstance(section, dict):
@@ -319,7 +341,7 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         if not values:
             nodes = ", ".join(node for node, _ in sections)
             raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
-        values.pop("use_sim_time", None)  # a parameter of every node, not of this table
+        values = {name: value for name, value in values.items() if value is not None and not is_of_every_node(name)}
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
     try:
@@ -327,6 +349,11 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return values
+
+
+def is_of_every_node(name: str) -> bool:
+    """Whether a parameter is one that rclpy gives to every node: not of this table, and in every dump."""
+    return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides.")
 
 
 def _as_parameter(value: Any) -> Any:

@@ -15,7 +15,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.experimental import EventsExecutor
@@ -35,6 +35,7 @@ from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
+from .qos_overrides import QosOverrides
 from .stop import Stop
 from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
@@ -98,6 +99,7 @@ class TireDynamicsNode(LifecycleNode):
         arguments: Sequence[str] | None = None,
         paced: bool = False,
     ) -> None:
+        self._made_by_rclpy = self._configured = self._declaring = False
         try:
             super().__init__(
                 NODE_NAME,
@@ -106,12 +108,10 @@ class TireDynamicsNode(LifecycleNode):
                 automatically_declare_parameters_from_overrides=True,
             )
         except (ParameterException, ValueError) as error:
-            if "PARAMETER_NOT_SET" in str(error):
-                names = "wheels, joint_names, frame_ids or tf.positions"
-                raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
             raise InputError(first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
             raise InputError(first_line(error)) from None
+        self._made_by_rclpy = True
         self._clock_now = self.get_clock()
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
@@ -136,14 +136,17 @@ class TireDynamicsNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
-            self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+            self._qos = QosOverrides(self)
+            self._diagnostics = self._qos.publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_task(1.0, self._diagnose)
+            self.add_on_set_parameters_callback(self._check_change)
+            self.add_post_set_parameters_callback(self._apply_change)
             self._autostart = self._is_to_start()
             if self._autostart:
                 self._change(self.trigger_configure)
                 self._change(self.trigger_activate)
             else:
-                node_parameters.declare_loosely(self)
+                self._declare(node_parameters.declare_free)
                 self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
@@ -222,8 +225,9 @@ class TireDynamicsNode(LifecycleNode):
         try:
             self._pipeline, self._wanted = Pipeline(values), values
             self._period = self._pipeline.vehicle.settings.period
-            node_parameters.declare(self, values, read_only=self._autostart)
+            self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
+            self._configured = True
         except BaseException:
             self._clean_up()
             raise
@@ -265,13 +269,14 @@ class TireDynamicsNode(LifecycleNode):
         while len(self._made) > kept:
             destroy, entity = self._made.pop()
             destroy(entity)
+        self._configured = False
         if not self._autostart:
-            node_parameters.declare_loosely(self)
+            self._declare(node_parameters.declare_free)
 
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
-            subscription = self.create_subscription(
+            subscription = self._qos.subscription(
                 _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
@@ -300,13 +305,10 @@ class TireDynamicsNode(LifecycleNode):
         if not self._paced:
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
-        self.add_on_set_parameters_callback(self._check_change)
-        self._made.append((self.remove_on_set_parameters_callback, self._check_change))
-        self.add_post_set_parameters_callback(self._apply_change)
-        self._made.append((self.remove_post_set_parameters_callback, self._apply_change))
+        self._qos.check()
 
     def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
-        publisher = self.create_publisher(kind, topic, qos)
+        publisher = self._qos.publisher(kind, topic, qos)
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
@@ -328,21 +330,52 @@ class TireDynamicsNode(LifecycleNode):
 
     # -- parameters -----------------------------------------------------------------------------------------
 
-    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
-        values = node_parameters.changed(changes)
-        fixed = [name for name in values if node_parameters.ROWS[name].read_only]
-        if fixed:
-            reason = f"{fixed[0]} may change only while the node is unconfigured"
-            return SetParametersResult(successful=False, reason=reason)
+    def declare_parameters(
+        self, namespace: str, parameters: Sequence[Any], ignore_override: bool = False
+    ) -> list[RosParameter]:
+        """As of every node; but what comes from files and the command line need not have a value or a type."""
+        if ignore_override and not self._made_by_rclpy:
+            parameters = [(name, value, ParameterDescriptor(dynamic_typing=True)) for name, value, *_ in parameters]
+        return super().declare_parameters(namespace, parameters, ignore_override)
+
+    def set_parameters_atomically(self, parameter_list: Sequence[RosParameter]) -> SetParametersResult:
+        """As of every node; and what cannot be set may be set to what it is, as ``ros2 param load`` of a dump does."""
+        changes = node_parameters.meant(parameter_list)
+        if self._configured:
+            changes = [each for each in changes if not node_parameters.is_in_force(self, self._wanted, each)]
+        if not changes and parameter_list:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
+
+    def _declare(self, declare: Callable[[TireDynamicsNode], None]) -> None:
+        self._declaring = True
         try:
+            declare(self)
+        finally:
+            self._declaring = False
+
+    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
+        values = node_parameters.changed(changes)
+        try:
+            if not self._configured:
+                node_parameters.check(self, values)
+                return SetParametersResult(successful=True)
+            for name in values:
+                if node_parameters.ROWS[name].read_only:
+                    raise ValueError(f"{name} may change only while the node is unconfigured")
             complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
-        values = node_parameters.changed(changes)
+        values = {} if self._declaring else node_parameters.changed(changes)
         if not values:
+            return
+        if not self._configured:  # what was given of another type has its own from now on
+            self._declare(node_parameters.declare_free)
             return
         self._wanted = complete({**self._wanted, **values})
         if self._active:
