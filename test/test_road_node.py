@@ -57,6 +57,34 @@ def test_a_road_of_samples_is_one_of_lines():
     assert forces(outputs, "wheel/axle_wrench") == pytest.approx(found.axle_force[:, 1].tolist(), abs=1e-9)
 
 
+def test_points_feel_the_road_one_after_the_other():
+    """As ``simulate``, which has heights under the axle, a step after those that are told under the foremost edge."""
+    unit = TireWheelUnit.table_1(**TIRE)
+    reach = unit.radius * math.sin(unit.contact_half_angle * 4 / 5)  # of the first of five points
+    speed = reach / 2e-3 / unit.radius  # so that samples lie at the edges and at the axle
+    heights = np.interp(np.arange(80), [5, 6, 8, 9], [0.0, 5e-3, 5e-3, 0.0])
+    outputs = driven(Pipeline({**ROAD, "contact_points": 5}), heights[1:], speed)
+    found = simulate(
+        unit, 2e-3 * np.arange(79), speed, road=heights[:-1], static_load=4000.0, n_max=5, contact_points=5
+    )
+    assert np.ptp(found.contact_force) > 300.0
+    assert forces(outputs, "wheel/contact_load") == pytest.approx(found.contact_force.tolist(), abs=1e-6)
+
+
+def test_the_parameters_of_the_contact_act():
+    heights = 0.005 * np.sin(0.2 * np.arange(60))
+    varying = {**ROAD, "tire.radial_nonuniformity": [1.0, 0.05, 0.0]}
+    one, five, uneven, left_out = (
+        forces(driven(Pipeline(values), heights), "wheel/contact_load")
+        for values in (ROAD, {**ROAD, "contact_points": 5}, varying, {**varying, "coupled_harmonics": 0})
+    )
+    assert left_out == one
+    assert min(np.abs(np.subtract(each, one)).max() for each in (five, uneven)) > 5.0
+    unit = TireWheelUnit.table_1(**TIRE, radial_nonuniformity=[(1, 0.05, 0.0)])
+    found = simulate(unit, 2e-3 * np.arange(60), 60.0, road=heights, static_load=4000.0, n_max=5)
+    assert uneven == pytest.approx(found.contact_force.tolist(), abs=1e-9)
+
+
 def test_the_topics_are_those_of_the_road():
     pipeline = Pipeline({**ROAD, "wheels": ["a", "b"], "static_loads": [1.0, 2.0]})
     assert list(pipeline.inputs) == ["joint_states", "a/wheel_speed", "a/road_height", "b/wheel_speed", "b/road_height"]
@@ -111,11 +139,15 @@ def test_a_unit_that_diverges_is_given_up_and_counted():
     assert pipeline.vehicle.inputs[0].divergences == 1 and not outputs[-1]
 
 
-def test_a_restored_vehicle_goes_on_bit_for_bit():
-    first = Pipeline(ROAD)
+@pytest.mark.parametrize(
+    "changes", [{}, {"contact_points": 5}, {"tire.radial_nonuniformity": [1.0, 0.05, 0.3], "model": "complete"}]
+)
+def test_a_restored_vehicle_goes_on_bit_for_bit(changes):
+    values = {**ROAD, **changes}
+    first = Pipeline(values)
     heights = np.random.default_rng(1).normal(0.0, 0.02, 60).tolist()
     driven(first, heights[:30])
-    second = Pipeline(ROAD)
+    second = Pipeline(values)
     second.vehicle.restore(json.loads(json.dumps(first.vehicle.snapshot())))
     expected, found = (driven(each, heights[30:], first=31, late=300_000) for each in (first, second))
     assert found == expected
@@ -138,6 +170,9 @@ def test_the_stability_says_that_it_is_of_the_road():
         ({"static_loads": [0.0]}, "static_loads has 0.0"),
         ({"tire.vertical_stiffness": 4e5}, r"tire.vertical_stiffness is 400000.0; it must be <"),
         ({"load_source": "estimate"}, "load_source is 'estimate'"),
+        ({"contact_points": 0}, "contact_points is 0; it must be at least 1"),
+        ({"contact_points": 3, "tire.contact_half_angle": 0.0}, "contact_points is 3; it must be 1 where contact_half"),
+        ({"coupled_harmonics": -1}, "coupled_harmonics is -1; it must be at least 0"),
     ],
 )
 def test_parameters_that_are_refused(values, word):
