@@ -8,13 +8,17 @@ import math
 import numpy as np
 import pytest
 
-from tire_dynamics import TireWheelUnit, simulate, wheel
+from tire_dynamics import TireWheelUnit, simulate, wheel, write_unit
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
+from tire_dynamics.cli.main import main
+from tire_dynamics.cli.report import report
+from tire_dynamics.estimator.vehicle import stability_reply
 from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.parameters import complete
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.replay.replay import replay
+from tire_dynamics.report.gather import gather
 
 MS = 1_000_000
 TIRE = {"vertical_stiffness": 2e5, "contact_half_angle": 0.15, "sprung_mass": 350.0, "zeta_s": 0.3,
@@ -154,6 +158,28 @@ def test_a_restored_vehicle_goes_on_bit_for_bit(changes):
     assert first.vehicle.snapshot() == second.vehicle.snapshot()
 
 
+@pytest.mark.parametrize("varying", [[], [1.0, 0.05, 0.0]])
+def test_vehicle_library_and_command_give_one_reply(varying, tmp_path, capsys):
+    values = {**ROAD, "n_max": 3, "tire.radial_nonuniformity": varying}
+    vehicle = Pipeline(values).vehicle
+    vehicle.wheel_speed(0, 0, 100.0)
+    vehicle.tick(0)
+    reply = vehicle.stability(0)
+    unit = vehicle.unit
+    assert reply == stability_reply("wheel", unit, 100.0, n_max=3, contact=True)
+    assert reply.keys() == stability_reply("wheel", unit, 100.0).keys()
+    assert reply["periodicity"] == ("irreducible" if varying else "reducible")
+    write_unit(unit, tmp_path / "tire.yaml")
+    rpm = str(100.0 * 30.0 / math.pi)
+    main(["stability", "--contact", "--speed-rpm", rpm, "--n-max", "3", "--config", str(tmp_path / "tire.yaml")])
+    said = json.loads(capsys.readouterr().out)
+    assert said.keys() == reply.keys()
+    assert {name: said[name] for name in ("contact", "verdict", "n_max", "periodicity")} == {
+        name: reply[name] for name in ("contact", "verdict", "n_max", "periodicity")
+    }
+    assert np.array(said["multipliers"]) == pytest.approx(np.array(reply["multipliers"]), abs=1e-9)
+
+
 def test_the_stability_says_that_it_is_of_the_road():
     vehicle = Pipeline({**ROAD, "n_max": 3}).vehicle
     reply = vehicle.stability(0)
@@ -215,3 +241,27 @@ def test_a_bag_of_a_road_is_replayed_and_its_replay_again_bit_for_bit(tmp_path):
     assert outputs_of(tmp_path / "first") == outputs_of(tmp_path / "second")
     with pytest.raises(InputError, match="no topic wheel/load"):
         replay(bag, tmp_path / "third", quiet=True)
+
+
+def test_a_report_of_a_road(tmp_path):
+    """Its loads are the contact's, its critical speed that in contact, and it says whose force variation it shows."""
+    pytest.importorskip("plotly")
+    log = tmp_path / "log"
+    config = tmp_path / "road.yaml"
+    config.write_text(json.dumps({"/**": {"ros__parameters": {**ROAD, "n_max": 4}}}))
+    replay(bag_of_a_road(tmp_path / "bag", 4.0), log, config=config, quiet=True)
+    drive = gather(BagReader(log), BagReader(log), quiet=True)
+    contact = [messages.WrenchDecoder().decode(data).fz for data in outputs_of(log)["/wheel/contact_load"]]
+    numbers = drive.wheels[0].numbers["load_z"]
+    assert (numbers.count, numbers.high) == (len(contact), max(contact))
+    heights = next(each for each in drive.inputs if each.topic == "/wheel/road_height")
+    assert heights.messages == 2000
+    headline = report(log, tmp_path / "road.html", quiet=True)
+    text = (tmp_path / "road.html").read_text(encoding="utf-8")
+    assert headline.startswith("The rotating tire was stable at every speed driven")
+    unit = TireWheelUnit.table_1(**TIRE)
+    rpm = round(wheel.critical_speed(unit, contact=True, n_max=4) * 30.0 / math.pi)
+    assert f"{rpm:,}".replace(",", "\u202f") in text
+    assert "The tires stand on a road" in text and "on the road, in this car" in text
+    with pytest.raises(InputError, match="stand on a road; errors of parameters"):
+        report(log, tmp_path / "errors.html", error=["zeta_1=0.01"], quiet=True)

@@ -170,6 +170,8 @@ def report(
             replay(bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock)
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
+    if uncertain and drive.on_road:
+        raise InputError(f"{bag.path}: its tires stand on a road; errors of parameters are told of tires under given loads")
     known = None
     if uncertain:
         beside = None if config is None else uncertainty.errors_file(Path(config))

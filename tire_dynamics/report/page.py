@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import __version__
 from ..cdr import messages
+from ..science import wheel as tire_and_wheel
 from ..science.uniformity import OrderSums
 from .findings import Summary, critical_range, number, seconds, summary
 from .gather import CURVES, ROLLING, Drive, Wheel
@@ -50,7 +51,10 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
     from plotly.offline import get_plotlyjs
 
     highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
-    stability, critical = stability_around(drive.unit, highest, drive.parameters["model"])
+    stability, of_map = stability_around(drive.unit, highest, drive.parameters["model"])
+    critical = of_map
+    if (modes := drive.contact_modes) is not None:
+        critical = tire_and_wheel.critical_speed(drive.unit.mean, drive.parameters["model"], contact=True, n_max=modes)
     band = None if known is None else _bands(drive, known, highest)
     found = summary(drive, critical, known, band)
     belt, exaggeration = belts(drive)
@@ -59,7 +63,7 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         "spectra": spectra_figure(drive, band),
         "moment": moment_figure(drive),
         "campbell": campbell_figure(drive, highest),
-        "stability": stability_figure(drive, stability, critical, band),
+        "stability": stability_figure(drive, stability, of_map, band),
         "coverage": coverage_figure(drive),
     }
     if band is not None and np.ptp(band.steady, axis=0).max() > 1e-6:  # reaction damping has K = 1, whatever the rest
@@ -686,8 +690,13 @@ def _variation(drive: Drive, told: Sequence[tuple[Told, Told] | None]) -> str:
             turns = 0.0 if wheel.orders is None else wheel.orders[0].turns
             reason = f"{turns:.2g} turns above {ROLLING / RPM:.0f} rpm with a force, too few or too uneven to tell"
             silent.append(f"<p>{html.escape(wheel.name)}: {reason} harmonics.</p>")
+    state = "on the road, in this car: its axle gives way, and the contact's load with it"
+    if not drive.on_road:
+        state = "under loads that were given, which do not answer to what the axle does"
+    how = f'<p class="how">These are forces {state}. A machine that holds the wheel at a fixed height reads others.</p>'
     if any(told):
         parts = [
+            how,
             _plot("variation"),
             "<h3>Axle force z, N peak to peak and phase of each harmonic</h3>",
             _harmonics(drive, told, 1),
