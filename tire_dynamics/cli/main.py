@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from ..files.errors import InputError
 
 if TYPE_CHECKING:
-    from ..science.unit import TireWheelUnit
+    pass
 
 __all__ = ["main", "node"]
 
