@@ -106,6 +106,8 @@ class OnTheRoad:
         atol = np.concatenate([atol, [1e-10, 1e-13]]) if self.unit.sprung_mass else atol
         for begin, end in zip(self.drive.t[:-1], self.drive.t[1:], strict=True):
             t = begin
+            if self.c:  # whose force jumps with the road's slope
+                touching = self.spring(t, state, begin) > 0.0
             while t < end:
 
                 def crossing(t, z, begin=begin):
