@@ -14,7 +14,7 @@ from typing import Any, Literal
 from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
-from ..science.contact_step import ContactPoints
+from ..science.contact_points import ContactPoints
 from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
 from .input_map import QUANTITIES, sources
 
@@ -205,6 +205,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
     Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
+    Parameter("contact_points", "integer", 1, "on the road: points of the contact along the patch", 1, 50),
+    Parameter("coupled_harmonics", "integer", 30, "on the road: highest harmonic of a varying sidewall's", 0, 1000),
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
@@ -304,9 +306,9 @@ def _check_road(values: Mapping[str, Any], unit: TireWheelUnit) -> None:
         if not 0.0 < load <= values["max_load_n"]:
             raise ValueError(f"static_loads has {load!r}; each must be > 0 and at most max_load_n")
     try:
-        ContactPoints(unit, 1, values["model"], values["n_max"])
+        ContactPoints(unit, values["contact_points"], values["model"], values["n_max"])
     except ValueError as error:
-        raise ValueError(f"tire.{error}") from None
+        raise ValueError(str(error) if str(error).startswith("contact_points") else f"tire.{error}") from None
 
 
 def _suggestion(name: str) -> str:
@@ -342,6 +344,8 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
         max_load=values["max_load_n"],
         static_loads=tuple(values["static_loads"]) if values["load_source"] == "road" else None,
         max_road_step=values["max_road_step_m"],
+        contact_points=values["contact_points"],
+        coupled_harmonics=values["coupled_harmonics"],
     )
 
 

@@ -29,6 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
+from ..estimator.vehicle import modes_on_the_road
 from ..files.errors import InputError, first_line
 from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
@@ -655,7 +656,8 @@ class TireDynamicsNode(LifecycleNode):
         vehicle = self._pipeline.vehicle
         state: tuple[Any, ...] = vehicle.unit, speed, vehicle.settings.model
         if vehicle.wheels.on_road:  # to the rad/s: it takes some tens of milliseconds, and is remembered
-            state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
+            n_max = modes_on_the_road(vehicle.unit, vehicle.settings.n_max)
+            state = vehicle.unit, float(round(speed)), vehicle.settings.model, n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _update_stability(self) -> None:
