@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-__all__ = ["HASHES", "definition"]
+__all__ = ["HASHES", "definition", "known", "type_hash"]
 
 _FIELDS: Final = {
     "builtin_interfaces/msg/Time": """\
@@ -158,6 +158,30 @@ def definition(msgtype: str) -> str:
     own, *others = dict.fromkeys(_nested(msgtype))
     behind = (f"{_RULE}\nMSG: {other.replace('/msg/', '/')}\n{_FIELDS[other]}" for other in others)
     return "".join([_FIELDS[own], *behind])
+
+
+def known(msgtype: str) -> str | None:
+    """The definition of a type as Jazzy's common interfaces have it; None of other packages' types."""
+    if msgtype in HASHES:
+        return definition(msgtype)
+    from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
+
+    store = get_typestore(Stores.ROS2_JAZZY)
+    return str(store.generate_msgdef(msgtype, ros_version=2)[0]) if msgtype in store.types else None
+
+
+def type_hash(msgtype: str, text: str) -> str:
+    """The hash of a type's description (REP 2016), of its definition; "" if it cannot be made out."""
+    if msgtype in HASHES:
+        return HASHES[msgtype]
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    try:
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, msgtype))
+        return store.hash_rihs01(msgtype)
+    except Exception:  # whatever the library makes of a text that it cannot read
+        return ""
 
 
 def _nested(msgtype: str) -> Iterator[str]:

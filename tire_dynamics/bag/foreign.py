@@ -28,6 +28,7 @@ Row = tuple[str, int, bytes]
 """Topic, log time [ns], serialised message (CDR)."""
 
 _NO_TIME = 2**63 - 1  # of a file without messages
+_MAX_DEFINITION = 2**20  # characters
 _MAX_TOPICS = 65_535  # as many as an MCAP file can have
 _MAX_ROS1_INDEX = 50_000_000  # messages; the library keeps the place of each in memory
 
@@ -62,6 +63,11 @@ class ForeignFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.chunks: Counter[str] = Counter()
         self.kept = 0
+        self._definitions: dict[str, str] = {}
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        return self._definitions.get(msgtype)
 
     def messages(self, topics: Collection[str] | None, in_file_order: bool) -> Iterator[Row]:
         """The messages of some topics, or all, by log time or as they were written.
@@ -127,6 +133,7 @@ class SqliteFile(ForeignFile):
                 self.counts[channel] = count
                 self.count += count
                 self.start, self.end = min(self.start, first), max(self.end, last)
+            self._read_definitions(database)
         for ending in ("-wal", "-journal"):
             beside = self.path.with_name(self.path.name + ending)
             if beside.is_file() and beside.stat().st_size:
@@ -148,6 +155,21 @@ class SqliteFile(ForeignFile):
                 if type(time) is not int or time < 0 or not isinstance(data, bytes):
                     raise DamageError("a message has no time or no content")
                 yield wanted[channel], time, unpacked_message(data) if data.startswith(ZSTD_MAGIC) else data
+
+    def _read_definitions(self, database: sqlite3.Connection) -> None:
+        """The definitions of messages, which recorders since Iron write."""
+        if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone() is None:
+            return
+        self._check_table(database, "message_definitions")
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions LIMIT 10000"
+        for name, encoding, text in database.execute(query):
+            if (
+                encoding == "ros2msg"
+                and isinstance(name, str)
+                and isinstance(text, str)
+                and len(text) < _MAX_DEFINITION
+            ):
+                self._definitions.setdefault(name, text)
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
@@ -208,6 +230,8 @@ class Ros1File(ForeignFile):
                 if (kind, definition) not in known:
                     known[kind, definition] = _has_layout(store, kind, definition)
                 topic = f"/{connection.topic.lstrip('/')}"
+                if known[kind, definition] and kind not in self._definitions:
+                    self._definitions[kind] = store.generate_msgdef(kind, ros_version=2)[0]
                 self.channels[connection.id] = topic, kind, "cdr" if known[kind, definition] else "ros1"
                 self.counts[connection.id] = told[connection.id]
                 latched = getattr(connection.ext, "latching", None)

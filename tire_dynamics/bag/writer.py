@@ -54,15 +54,8 @@ _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
 @functools.cache
 def _declaration(msgtype: str) -> tuple[bytes, str] | None:
     """A message type's definition and the hash of its description; None if it is not known."""
-    if msgtype in definitions.HASHES:
-        return definitions.definition(msgtype).encode(), definitions.HASHES[msgtype]
-    from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    if msgtype not in store.types:
-        return None
-    text, _ = store.generate_msgdef(msgtype, ros_version=2)
-    return text.encode(), store.hash_rihs01(msgtype)
+    text = definitions.known(msgtype)
+    return None if text is None else (text.encode(), definitions.type_hash(msgtype, text))
 
 
 class BagWriter:
@@ -157,7 +150,7 @@ class BagWriter:
         """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
         return ChunkWriter(file, chunk_size, compression)
 
-    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data") -> int:
+    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data", definition: str | None = None) -> int:
         """Declare a topic.
 
         Parameters
@@ -168,6 +161,8 @@ class BagWriter:
             Such as "geometry_msgs/msg/WrenchStamped"; any message of ROS 2 Jazzy's common interfaces.
         qos : str
             The profile it is offered with: "sensor_data" or "default".
+        definition : str, optional
+            Of a type that is not in the common interfaces, with those of all types in it.
 
         Returns
         -------
@@ -183,7 +178,10 @@ class BagWriter:
             raise InputError(f"{name!r} is not an absolute ROS topic name")
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
-        declaration = _declaration(msgtype)
+        if definition is None:
+            declaration = _declaration(msgtype)
+        else:
+            declaration = definition.encode(), definitions.type_hash(msgtype, definition)
         if declaration is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
         text, type_hash = declaration

@@ -19,9 +19,10 @@ from ..bag import BagReader
 from ..bag.files import MCAP
 from ..bag.writer import offered_qos
 from ..files.errors import InputError
+from ..replay.input_map import mapped_types
 from ..replay.parameters import complete
-from ..replay.pipeline import is_input
-from ..replay.replay import check, joints_of, log_record, log_topic, plan, remaps_of
+from ..replay.pipeline import fixed_inputs
+from ..replay.replay import check, joints_of, log_record, log_topic, pipeline_of, plan, remaps_of
 from .answer import plain, printable
 
 __all__ = ["info", "run"]
@@ -147,10 +148,12 @@ def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, s
         how = plan(reader, remaps=remaps, joints=joints)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and is_input(topic)}
+    wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}
+    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
     if not any(reader.counts[name] != 0 for name in inputs.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
+        pipeline_of(reader, how)
         without = check(reader, how) if how.log is None else {}
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}

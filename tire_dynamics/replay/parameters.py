@@ -16,13 +16,16 @@ from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
 from ..science.contact_step import ContactPoints
 from ..science.unit import HARMONICS, NOT_NEGATIVE, RATIOS, UNBOUNDED, WIDEST_CONTACT, TireWheelUnit
+from .input_map import QUANTITIES, sources
 
 __all__ = ["PARAMETERS", "Parameter", "complete", "read_config", "unit_of", "vehicle_settings"]
 
 NODE_NAME = "tire_dynamics"
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
-Kind = Literal["boolean", "double", "double[]", "integer", "string", "string[]"]
+Kind = Literal[
+    "boolean", "double", "double[]", "double | double[]", "integer", "string", "string[]", "string | string[]"
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -41,11 +44,15 @@ class Parameter:
 
     def check(self, value: Any) -> Any:
         """The value in its Python type; ``ValueError`` names the parameter, the value and the bound."""
-        if self.kind == "string[]":
+        if self.kind == "string | string[]" and isinstance(value, str):
+            return (value,) if value else ()
+        if self.kind in ("string[]", "string | string[]"):
             if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
                 raise ValueError(f"{self.name} is {value!r}; it must be a list of names")
             return tuple(value)
-        if self.kind == "double[]":
+        if self.kind == "double | double[]" and type(value) is float:
+            value = (value,)
+        if self.kind in ("double[]", "double | double[]"):
             if not isinstance(value, (list, tuple)) or not all(type(item) is float for item in value):
                 raise ValueError(f"{self.name} is {value!r}; it must be a list of floating-point numbers")
             if not all(map(math.isfinite, value)):
@@ -129,6 +136,34 @@ def _tire_parameters() -> tuple[Parameter, ...]:
     return tuple(rows)
 
 
+def _input_parameters() -> Iterator[Parameter]:
+    """The field map: rows for each quantity."""
+    for name, quantity in QUANTITIES.items():
+        prefix, units = f"inputs.{name}", (*quantity.units, *quantity.linear)
+        yield Parameter(
+            f"{prefix}.topic", "string | string[]", (), f"where it comes from: {quantity.what}; empty: not mapped"
+        )
+        yield Parameter(f"{prefix}.type", "string", "", "type of its messages, such as std_msgs/msg/Float32MultiArray")
+        yield Parameter(
+            f"{prefix}.field", "string | string[]", (), "path of the field in the message, such as wheels[2].omega"
+        )
+        yield Parameter(f"{prefix}.unit", "string", units[0], "unit of the field", choices=units)
+        if not quantity.size:
+            yield Parameter(
+                f"{prefix}.order", "string | string[]", (), "wheels in the order of its values; default: wheels"
+            )
+        yield Parameter(
+            f"{prefix}.stamp", "string", "", "field of the time stamp, or receipt; default: header.stamp if there"
+        )
+        yield Parameter(
+            f"{prefix}.sign", "double | double[]", (), "factor on its values: 1.0 or -1.0, for all or for each"
+        )
+        if quantity.linear:
+            yield Parameter(
+                f"{prefix}.radius", "double", 0.0, "rolling radius, to make rad/s of m/s, km/h or mph [m]", 0.0, 10.0
+            )
+
+
 _SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -150,6 +185,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
     Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
     Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
+    *_input_parameters(),
     Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
@@ -221,6 +257,7 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
         )
     if whole["ring_rate_hz"] > whole["rate_hz"]:
         raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
+    sources(whole)
     unit = unit_of(whole)
     if whole["load_source"] == "road":
         _check_road(whole, unit)

@@ -33,6 +33,7 @@ from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
 from . import diagnostics, node_parameters
 from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
+from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
 from .markers import MarkerBuilder
 from .stop import Stop
@@ -220,7 +221,7 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._pipeline, self._wanted = Pipeline(values), values
+            self._pipeline, self._wanted = Pipeline(values, definitions_of(values)), values
             self._period = self._pipeline.vehicle.settings.period
             node_parameters.declare(self, values, read_only=self._autostart)
             self._connect()
@@ -230,7 +231,8 @@ class TireDynamicsNode(LifecycleNode):
         self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._pipeline.inputs)} topics")
 
     def _activate(self) -> None:
-        self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
+        made = Pipeline(self._pipeline.values, self._pipeline.definitions)  # nothing of what was before
+        self._journal.pipeline = self._pipeline = made
         self._wanted = self._pipeline.values
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
@@ -272,13 +274,15 @@ class TireDynamicsNode(LifecycleNode):
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
             subscription = self.create_subscription(
-                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+                message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
+            if subscription.topic_name in names.values():
+                raise InputError(f"{topic} is {subscription.topic_name}, an input already; write both in the same way")
             names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
-            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            self._outputs[topic] = self._publisher(topic, message_class(msgtype), 10)
             names[topic] = self._outputs[topic].topic_name
         names[DIAGNOSTICS] = self._diagnostics.topic_name
         names[TF_STATIC] = TF_STATIC
@@ -324,7 +328,7 @@ class TireDynamicsNode(LifecycleNode):
             self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
             return
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
+        self._publisher(TF_STATIC, message_class(messages.TF), qos).publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
@@ -671,10 +675,3 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
-
-
-def _message_class(msgtype: str) -> Any:
-    from importlib import import_module
-
-    package, _, name = msgtype.split("/")
-    return getattr(import_module(f"{package}.msg"), name)

@@ -21,9 +21,11 @@ _TYPES = {
     "boolean": RosParameter.Type.BOOL,
     "double": RosParameter.Type.DOUBLE,
     "double[]": RosParameter.Type.DOUBLE_ARRAY,
+    "double | double[]": RosParameter.Type.DOUBLE_ARRAY,
     "integer": RosParameter.Type.INTEGER,
     "string": RosParameter.Type.STRING,
     "string[]": RosParameter.Type.STRING_ARRAY,
+    "string | string[]": RosParameter.Type.STRING_ARRAY,
 }
 
 
@@ -91,7 +93,7 @@ def _descriptor(row: Parameter, read_only: bool, value: Any) -> ParameterDescrip
         read_only=row.read_only and read_only,
         additional_constraints=" | ".join(row.choices),
         # it may be empty; our own check knows its type
-        dynamic_typing=row.kind == "double[]" and (not row.read_only or not value),
+        dynamic_typing="|" in row.kind or row.kind == "double[]" and (not row.read_only or not value),
     )
     low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
     if low is not None:
