@@ -35,6 +35,7 @@ __all__ = [
     "STRING",
     "TF",
     "WRENCH_STAMPED",
+    "CovarianceEncoder",
     "DeflectionEncoder",
     "JointState",
     "JointStateDecoder",
@@ -673,6 +674,28 @@ class DeflectionEncoder:
         if values.shape[1:] != self._shape:
             raise ValueError(f"deflections: shape {values.shape}, must be N x {self._shape}")
         return [self._head + row for row in _rows(values)] if len(values) else []
+
+
+class CovarianceEncoder:
+    """Encodes the covariance of a wrench as std_msgs/Float64MultiArray, dims ``row`` (6) x ``column`` (6).
+
+    The order is that of ROS's covariances: force x y z, torque x y z.
+    """
+
+    def __init__(self) -> None:
+        body = struct.pack("<I", 2)
+        for label, size, stride in (("row", 6, 36), ("column", 6, 6)):
+            body += encoded_string(label, len(body))
+            body += bytes(-len(body) % 4) + struct.pack("<2I", size, stride)
+        body += struct.pack("<2I", 0, 36)  # data_offset; length of data
+        self._head = LITTLE_ENDIAN + body + bytes(-len(body) % 8)
+
+    def encode(self, covariance: ArrayLike) -> bytes:
+        """One message, of a covariance (6, 6) [N^2, N^2 m, N^2 m^2]."""
+        values = np.asarray(covariance, "<f8")
+        if values.shape != (6, 6):
+            raise ValueError(f"covariance: shape {values.shape}, must be (6, 6)")
+        return self._head + values.tobytes()
 
 
 class RingShapeEncoder:

@@ -23,7 +23,7 @@ from .doubts import InputDoubts
 from .input_map import mapped_types, sources
 from .inputs import first_reasons, hint, reasons
 from .parameters import NODE_NAME, complete, read_config
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs, output_types
 
 __all__ = [
     "Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "plan", "remaps_of", "replay"
@@ -32,6 +32,7 @@ __all__ = [
 IntArray = NDArray[np.int64]
 
 _MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depend on and that may change in a log
+_CAR = ["front_left", "front_right", "rear_left", "rear_right"]
 _LEAST = 4096  # messages that are taken together; more cost memory and save nothing
 
 
@@ -158,7 +159,7 @@ def plan(
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
     if "wheels" not in given:
-        given = {**given, "wheels": _wheels(reader, remaps)}
+        given = {**given, "wheels": _CAR if given.get("load_source") == "estimate" else _wheels(reader, remaps)}
     try:
         values = complete(given)
         if joints:
@@ -349,6 +350,8 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
     else:
         hint = "--config can give a longer input_timeout_s"
     what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    if pipeline.loads is not None:
+        what = "an estimated load"
     return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"
 
 
@@ -466,11 +469,10 @@ def _names(
         names[topic] = found[0] if found else f"/{topic}"
         if found and msgtype and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
-    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
-    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
+    kinds = {"road": ("road_height",), "topic": ("load", "load_force")}.get(load_source, ())
     for wheel in wheels:
         loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
-        if not loads and not mapped & {"load", "road_height"}:
+        if kinds and not loads and not mapped & {"load", "road_height"}:
             present = _listed(reader.topics)
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
@@ -478,7 +480,7 @@ def _names(
             )
         ending = loads[0].removeprefix(wheel) if loads else "/"
         beside = names[loads[0]].removesuffix(ending) if loads and names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in outputs:
+        for output in output_types(values):
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
