@@ -17,6 +17,10 @@ FLAGS_MSVC = ["/O2", "/fp:precise"]
 class BuildCore(build_ext):
     """Compiles the core; where that cannot be, the installation goes on, and the same source runs interpreted."""
 
+    def finalize_options(self):
+        super().finalize_options()
+        self.parallel = self.parallel or os.cpu_count()
+
     def run(self):
         in_place = self.inplace
         try:
@@ -60,6 +64,12 @@ if {"install", "develop"} & set(sys.argv):
 # ROS 2 Jazzy comes as wheels for this platform only; elsewhere the extra installs nothing and a ROS
 # installation provides rclpy.
 ROS_WHEELS = "sys_platform == 'linux' and platform_machine == 'x86_64' and python_version < '3.15'"
+# What CMake needs to build a package of messages and services against these wheels.
+GENERATORS = (
+    "ament-cmake", "ament-cmake-gmock", "ament-cmake-gtest", "ament-cmake-include-directories", "ament-cmake-pytest",
+    "ament-cmake-ros", "ament-package", "python-cmake-module", "rosidl-core-generators", "rosidl-default-generators",
+)  # fmt: skip
+INTERFACES = [*(f"ros-jazzy-{name}; {ROS_WHEELS}" for name in GENERATORS), "catkin_pkg", "empy>=3.3,<4"]
 DASK = "distributed>=2024.1"
 SHTAB = "shtab>=1.9"  # which knows fish
 CYTHON = "Cython>=" + ".".join(map(str, BUILD_STATE["CYTHON"]))
@@ -75,7 +85,7 @@ setup(
     maintainer_email="maintainers@tire-dynamics.example",
     license="Apache-2.0",
     packages=find_packages(include=["tire_dynamics", "tire_dynamics.*"]),
-    package_data={"tire_dynamics.report": ["template.html"]},
+    package_data={"tire_dynamics.report": ["*.html"]},
     data_files=[
         ("share/ament_index/resource_index/packages", ["resource/tire_dynamics"]),
         ("share/tire_dynamics", ["package.xml"]),
@@ -102,8 +112,10 @@ setup(
             f"ros-jazzy-rclpy[fastrtps]; {ROS_WHEELS}",
             f"ros-jazzy-common-interfaces; {ROS_WHEELS}",
         ],
+        "interfaces": [*INTERFACES],  # what builds message packages: `make colcon`, and a test
         "plot": ["matplotlib>=3.6"],
-        "report": ["plotly>=6.0"],  # it brings the plotly.js that goes into the page
+        "report": ["plotly>=6.0", "Jinja2>=3.0"],  # Plotly brings the plotly.js that goes into the page
+        "mdf": ["asammdf>=7.4"],  # MDF4 files for `compare`
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
@@ -111,7 +123,7 @@ setup(
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings-python>=2.0,<3", "latex2mathml>=3.78"],
         "test": [
             "pytest>=7.4", "pytest-xdist", "hypothesis>=6.98", "catkin_pkg", "playwright>=1.40", "ruff", "mypy",
-            "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
+            "asammdf>=7.4", "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
         ],  # fmt: skip
     },
     entry_points={"console_scripts": scripts},

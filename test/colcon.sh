@@ -27,7 +27,10 @@ mkdir -p "$source"
     xargs -0 cp --parents -t "$source")
 cd "$workspace"
 colcon list | grep -q '^tire_dynamics.*(ros.ament_python)$' || fail "not an ament_python package: $(colcon list)"
-colcon --log-level error build || fail "the build failed"
+paths="src $source/interfaces $source/test/interfaces" # colcon does not look for packages below a package
+colcon --log-level error build --base-paths $paths --cmake-args -DCMAKE_PREFIX_PATH="$VIRTUAL_ENV" \
+    -DPython3_EXECUTABLE="$VIRTUAL_ENV/bin/python" -DCMAKE_PROJECT_INCLUDE="$source/interfaces/wheels.cmake" ||
+    fail "the build failed"
 set +u
 . install/setup.bash
 set -u
@@ -38,6 +41,9 @@ colcon --log-level error test --pytest-args $files # a part: `make test` runs th
 colcon test-result --verbose || fail "tests failed"
 ran=$(colcon test-result | sed -n 's/^Summary: \([0-9]*\) tests.*/\1/p')
 [ "${ran:-0}" -ge 50 ] || fail "only ${ran:-no} tests ran"
+
+echo "== fields" # the node, as installed, beside the messages that were built
+python -m pytest -q -n 0 -p no:cacheprovider "$source/test/interfaces" || fail "the tests with messages failed"
 
 echo "== run"
 cd / # not in the source: what runs is what was installed

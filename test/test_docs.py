@@ -36,10 +36,10 @@ DESCRIBED = {name(row[0]): row for row in rows("docs/parameters.md") if name(row
 def bounds(text: str) -> tuple[float | None, float | None]:
     """The interval that a range names, closed or not."""
     number = {"pi/2": math.pi / 2.0}
-    found = re.fullmatch(r"\[?(-?[\d.e]+)(?: to |, )([\w./]+)[])]?", text)
+    found = re.fullmatch(r"\[?(-?[\d.e-]+)(?: to |, )([\w./]+)[])]?", text)
     if found:
         return float(found[1]), number.get(found[2]) or float(found[2])
-    return {"> 0": (None, None), ">= 0": (0.0, None), "": (None, None)}[text]
+    return {"": (None, None)}[text]
 
 
 def test_every_parameter_is_described():
@@ -57,9 +57,7 @@ def test_a_parameter_is_described_as_it_is(row: Parameter):
     if row.choices:
         assert re.findall(r"`(\w+)`", spread) == list(row.choices)
     else:
-        assert (spread == "> 0") == row.positive
-        low, high = bounds(spread)
-        assert (low, high) == (row.low, None if row.high == 1e300 else row.high)
+        assert bounds(spread) == (row.low, row.high)
     assert len(description) > 5
 
 
@@ -87,6 +85,8 @@ def test_the_readme_has_the_topics_and_services_of_the_node(bench):
     }
     for way, names_and_types in listed.items():
         said = {name(row[1]): row[2] for row in stated if row[0] == way and name(row[1])}
+        # Those with messages that are not installed: test/interfaces looks at them.
+        said = {topic: kind for topic, kind in said.items() if not kind.startswith("tire_dynamics_msgs/")}
         if way == "out":
             del said["/tf_static"]  # only where there is tf2_msgs, and a parent frame
         real = {}

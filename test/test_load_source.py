@@ -286,7 +286,6 @@ def test_the_command_takes_a_car_by_its_file(tmp_path, bag, capsys):
     config = parameter_file(tmp_path / "map.yaml", some)
     car = str(Path(__file__).parents[1] / "config" / "car.yaml")
     assert main(["replay", str(bag), "-o", str(tmp_path / "out"), "--config", str(config), "--vehicle", car]) == 0
-    assert "front_left" in capsys.readouterr().out
     assert written(tmp_path / "out", ["rear_right/load_estimate"])["rear_right/load_estimate"]
     (tmp_path / "car.yaml").write_text("sprung_mass: 1320.0\n")
     arguments = ["replay", str(bag), "-o", str(tmp_path / "no"), "--config", str(config)]

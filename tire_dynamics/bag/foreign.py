@@ -13,11 +13,11 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
-import lz4.frame  # type: ignore[import-untyped]
-
 from ..files.errors import InputError
+from .compression import ZSTD_MAGIC, lz4_data
 from .files import Found
-from .records import DAMAGE, MAX_CHUNK, ZSTD_MAGIC, DamageError, one_line, unpacked_message
+from .record_types import DamageError
+from .records import DAMAGE, MAX_CHUNK, one_line, unpacked_message
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -253,7 +253,10 @@ class Ros1File(ForeignFile):
 
     @contextmanager
     def _reading(self) -> Iterator[Any]:
-        from rosbags.rosbag1 import Reader
+        try:
+            from rosbags.rosbag1 import Reader
+        except ImportError:
+            raise InputError(f"{self.path}: a bag of ROS 1, which needs a package: pip install rosbags") from None
 
         class Bounded(Reader):
             """The library's reader, whose chunks may not become larger than a bag's."""
@@ -290,8 +293,8 @@ def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
         most = 4 * MAX_CHUNK
         if decompress is bz2.decompress:
             result = bz2.BZ2Decompressor().decompress(data, most + 1)
-        elif decompress is lz4.frame.decompress:
-            result = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1)
+        elif decompress.__module__.partition(".")[0] == "lz4":
+            result = lz4_data(data, most + 1)
         else:
             return decompress(data)
         if len(result) > most:

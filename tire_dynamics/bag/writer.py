@@ -20,8 +20,8 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from ..files.errors import InputError
-from . import definitions
 from .chunks import ChunkWriter
+from .definitions import declaration, type_hash
 from .reader import yaml_texts
 from .salvage import Declared
 
@@ -49,13 +49,6 @@ _QOS: dict[str, dict[str, Any]] = {
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _MAX_QOS = 2**16  # characters
 _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
-
-
-@functools.cache
-def _declaration(msgtype: str) -> tuple[bytes, str] | None:
-    """A message type's definition and the hash of its description; None if it is not known."""
-    text = definitions.known(msgtype)
-    return None if text is None else (text.encode(), definitions.type_hash(msgtype, text))
 
 
 class BagWriter:
@@ -158,7 +151,7 @@ class BagWriter:
         name : str
             Absolute, such as "/front_left/load".
         msgtype : str
-            Such as "geometry_msgs/msg/WrenchStamped"; any message of ROS 2 Jazzy's common interfaces.
+            Such as "geometry_msgs/msg/WrenchStamped"; any message of the ROS that is there, or that rosbags knows.
         qos : str
             The profile it is offered with: "sensor_data" or "default".
         definition : str, optional
@@ -178,13 +171,12 @@ class BagWriter:
             raise InputError(f"{name!r} is not an absolute ROS topic name")
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
-        if definition is None:
-            declaration = _declaration(msgtype)
-        else:
-            declaration = definition.encode(), definitions.type_hash(msgtype, definition)
-        if declaration is None:
+        declared = declaration(msgtype)
+        if definition is not None:
+            declared = definition.encode(), type_hash(msgtype, definition)
+        if declared is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
-        text, type_hash = declaration
+        text, description_hash = declared
         if msgtype not in self._schemas:
             self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
         topic = {
@@ -192,7 +184,7 @@ class BagWriter:
             "type": msgtype,
             "serialization_format": "cdr",
             "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": type_hash,
+            "type_description_hash": description_hash,
         }
         channel = {
             "offered_qos_profiles": _qos_text(qos),

@@ -36,6 +36,7 @@ def info(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     clock: str | None = None,
+    inputs: str | PathLike[str] | None = None,
 ) -> dict[str, Any]:
     """What is in a bag, as JSON has it.
 
@@ -43,7 +44,7 @@ def info(
     ----------
     path : path
         A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
-    remaps, joints, clock
+    remaps, joints, clock, inputs
         As :func:`~tire_dynamics.replay.replay.replay` takes them.
 
     Returns
@@ -95,7 +96,7 @@ def info(
         "log": _log(reader),
         "damage": reader.damage or None,
         "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if recoverable else None,
-        "replay": _replay(reader, remaps or {}, joints or {}),
+        "replay": _replay(reader, remaps or {}, joints or {}, inputs),
     }
 
 
@@ -142,22 +143,24 @@ def _log(reader: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str]) -> dict[str, Any]:
+def _replay(
+    reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str], inputs: str | PathLike[str] | None
+) -> dict[str, Any]:
     """Whether it can be replayed as it is."""
     try:
-        how = plan(reader, remaps=remaps, joints=joints)
+        how = plan(reader, remaps=remaps, joints=joints, inputs=inputs)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}
-    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
-    if not any(reader.counts[name] != 0 for name in inputs.values()):
+    found = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
+    if not any(reader.counts[name] != 0 for name in found.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
         pipeline_of(reader, how)
         without = check(reader, how) if how.log is None else {}
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs, "without": without}
+    return {"possible": True, "wheels": how.values["wheels"], "inputs": found, "without": without}
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:
@@ -175,7 +178,7 @@ def run(options: argparse.Namespace) -> int:
     int
         Exit status 0, also for a bag that is damaged or cannot be replayed: that is an answer.
     """
-    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock)
+    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock, options.inputs)
     if options.json:
         print(json.dumps(plain(content), indent=2, allow_nan=False))
         return 0

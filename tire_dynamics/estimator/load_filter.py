@@ -390,6 +390,15 @@ class LoadFilter:
         return self._car.mass_error()
 
     @property
+    def consistency(self) -> dict[str, float]:
+        """Mean of each source's squared normalised innovations, over some ten seconds.
+
+        1 where the equations and the noise are what they were told to be; NaN of a source that told nothing. Wheel
+        speeds tell something where there is no IMU.
+        """
+        return dict(zip(SOURCES, self._car.consistency(), strict=True))
+
+    @property
     def roughness(self) -> float:
         """Gd(0.1 cycles/m) of the road as it was learnt, if its waviness is 2 [m^3]."""
         return self._car.roughness

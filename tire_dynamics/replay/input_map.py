@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, NamedTuple
 
@@ -19,7 +19,7 @@ from ..files.plausibility import GRAVITY
 
 __all__ = [
     "ASPECTS", "MapError", "MappedTopic", "QUANTITIES", "Quantity", "Source", "Values", "mapped_topics", "mapped_types",
-    "sources",
+    "sources", "without_absent",
 ]  # fmt: skip
 
 
@@ -59,7 +59,7 @@ QUANTITIES: Final[Mapping[str, Quantity]] = {
 }
 """By name; SI, and the first unit is the default."""
 
-ASPECTS: Final = ("topic", "type", "field", "unit", "order", "stamp", "sign")
+ASPECTS: Final = ("topic", "type", "field", "unit", "order", "stamp", "sign", "zero")
 
 _TOPIC = re.compile(r"~?/?([A-Za-z_{][A-Za-z0-9_{}]*)(/[A-Za-z_{][A-Za-z0-9_{}]*)*")
 _TYPE = re.compile(r"[A-Za-z]\w*(/msg)?/[A-Za-z]\w*")
@@ -72,10 +72,13 @@ class MapError(ValueError):
     """A map that cannot be used; the message names the parameter, the topic, and what there is."""
 
 
+_NEEDED: Final = ("speed", "load", "road_height")  # what a wheel moves by
+
+
 class Source(NamedTuple):
     """One topic of a quantity, as the parameters have it.
 
-    ``order`` are the wheels of its values; ``signs`` are one for each value, or one for all.
+    ``order`` are the wheels of its values; ``signs`` and ``zeros`` are one for each value, or one for all.
     """
 
     quantity: str
@@ -87,6 +90,7 @@ class Source(NamedTuple):
     by_name: bool
     stamp: str
     signs: tuple[float, ...]
+    zeros: tuple[float, ...]
     wheel: int | None
 
     @property
@@ -135,6 +139,19 @@ def sources(values: Mapping[str, Any]) -> list[Source]:
     return found
 
 
+def without_absent(values: Mapping[str, Any], absent: Callable[[str], bool]) -> dict[str, Any]:
+    """The parameters without those quantities of whose topics a bag has none, if a wheel moves without them."""
+    kept = dict(values)
+    of: dict[str, list[str]] = {}
+    for source in sources(values):
+        of.setdefault(source.quantity, []).append(source.topic)
+    for quantity, topics in of.items():
+        if quantity not in _NEEDED and all(map(absent, topics)):
+            kept.update({f"inputs.{quantity}.{aspect}": () for aspect in ("topic", "field")})
+            kept.update({f"inputs.{quantity}.{aspect}": "" for aspect in ("type", "stamp")})
+    return kept
+
+
 def _sources_of(name: str, quantity: Quantity, topics: tuple[str, ...], values: Mapping[str, Any]) -> list[Source]:
     prefix, wheels = f"inputs.{name}", tuple(values["wheels"])
     for topic in topics:
@@ -149,17 +166,18 @@ def _sources_of(name: str, quantity: Quantity, topics: tuple[str, ...], values: 
     if unit in quantity.linear and name == "speed" and not radius:
         raise MapError(f"{prefix}.unit is {unit!r}, and {prefix}.radius is {radius:g}; give the rolling radius in m")
     fields = tuple(text for text in values[f"{prefix}.field"] if text)
-    stamp, signs = values[f"{prefix}.stamp"], values[f"{prefix}.sign"]
+    stamp, signs, zeros = (values[f"{prefix}.{aspect}"] for aspect in ("stamp", "sign", "zero"))
     if any(not 1e-9 <= abs(sign) <= 1e9 for sign in signs):
         raise MapError(f"{prefix}.sign is {list(signs)}; each must be 1.0, -1.0, or another factor")
     if quantity.size:
         if len(topics) > 1 or _WHEEL in topics[0]:
             raise MapError(f"{prefix}.topic is {list(topics)}; it must be one topic")
         _check_count(prefix, "sign", signs, quantity.size)
+        _check_count(prefix, "zero", zeros, quantity.size)
         fields = fields or (_IMU if name == "imu" else ())
         if not fields:
             raise MapError(f"{prefix}.field is empty; it must name the field")
-        return [Source(name, topics[0], msgtype, fields, unit, (), False, stamp, signs, None)]
+        return [Source(name, topics[0], msgtype, fields, unit, (), False, stamp, signs, zeros, None)]
     given = tuple(text for text in values[f"{prefix}.order"] if text)
     order = given or wheels
     for wheel in order:
@@ -170,11 +188,12 @@ def _sources_of(name: str, quantity: Quantity, topics: tuple[str, ...], values: 
     if not fields:
         raise MapError(f"{prefix}.field is empty; it must name the field")
     _check_count(prefix, "sign", signs, len(order))
+    _check_count(prefix, "zero", zeros, len(order))
     places = tuple(wheels.index(wheel) for wheel in order)
     if len(topics) == 1 and _WHEEL in topics[0]:
         topics = tuple(topics[0].replace(_WHEEL, wheel) for wheel in order)
     elif len(topics) == 1:
-        return [Source(name, topics[0], msgtype, fields, unit, places, not given, stamp, signs, None)]
+        return [Source(name, topics[0], msgtype, fields, unit, places, not given, stamp, signs, zeros, None)]
     _check_count(prefix, "topic", topics, len(order))
     if len(fields) not in (1, len(order)):
         raise MapError(
@@ -183,10 +202,14 @@ def _sources_of(name: str, quantity: Quantity, topics: tuple[str, ...], values: 
     return [
         Source(
             name, topic, msgtype, (fields[k % len(fields)].replace(_WHEEL, wheels[place]),), unit, (place,), False,
-            stamp, signs[k % len(signs) : k % len(signs) + 1] if signs else (), place,
+            stamp, _one_of(signs, k), _one_of(zeros, k), place,
         )
         for k, (topic, place) in enumerate(zip(topics, places, strict=True))
     ]  # fmt: skip
+
+
+def _one_of(entries: tuple[float, ...], k: int) -> tuple[float, ...]:
+    return entries[k % len(entries) : k % len(entries) + 1] if entries else ()
 
 
 def _check_count(prefix: str, aspect: str, entries: Sequence[Any], count: int) -> None:
@@ -199,7 +222,8 @@ def _check_count(prefix: str, aspect: str, entries: Sequence[Any], count: int) -
 
 @dataclass(frozen=True)
 class Values:
-    """What becomes of some slots: of which quantity they are, of which wheels, and what makes SI of them.
+    """What becomes of some slots: of which quantity they are, of which wheels, and what makes SI of them: a factor and
+    a shift.
 
     ``wheel`` is that of a topic that one wheel has for itself.
     """
@@ -208,6 +232,7 @@ class Values:
     first: int
     wheels: tuple[int, ...]
     scales: tuple[float, ...]
+    shifts: tuple[float, ...]
     wheel: int | None
 
 
@@ -357,4 +382,6 @@ def _group(source: Source, first: int, count: int, values: Mapping[str, Any]) ->
         scales = [quantity.units[unit]] * count
     signs = source.signs or (1.0,)
     scales = [scale * signs[k % len(signs)] for k, scale in enumerate(scales)]
-    return Values(source.quantity, first, source.order, tuple(scales), source.wheel)
+    zeros = source.zeros or (0.0,)
+    shifts = tuple(-zeros[k % len(zeros)] * scale + 0.0 for k, scale in enumerate(scales))
+    return Values(source.quantity, first, source.order, tuple(scales), shifts, source.wheel)

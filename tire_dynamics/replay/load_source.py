@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import lru_cache
 from typing import Any, Final
 
-from ..estimator.load_filter import LoadFilter, SensorNoise
+from ..estimator.load_filter import SOURCES, LoadFilter, SensorNoise
 from ..estimator.vehicle import Vehicle
 from ..estimator.vehicle_parameters import VehicleParameters
 from ..science.axle_variance import axle_force_covariance
@@ -32,6 +32,8 @@ class LoadSource:
         The wheels that the loads are for, in the order of the car's.
     has_covariance : bool
         Whether what the loads' errors make of the axle forces is wanted.
+    mapped : iterable of str
+        Quantities of the field map: what is to come, beside wheel speeds.
 
     Notes
     -----
@@ -40,13 +42,33 @@ class LoadSource:
     means that the clock was set back: all is forgotten.
     """
 
-    def __init__(self, car: VehicleParameters, noise: SensorNoise, vehicle: Vehicle, has_covariance: bool) -> None:
+    def __init__(
+        self,
+        car: VehicleParameters,
+        noise: SensorNoise,
+        vehicle: Vehicle,
+        has_covariance: bool = False,
+        mapped: Iterable[str] = (),
+    ) -> None:
         self.filter = LoadFilter(car, noise)
+        wanted = {_SOURCES[quantity] for quantity in ("speed", *mapped) if quantity in _SOURCES}
+        self._wanted = tuple(name for name in SOURCES if name in wanted)
         self.in_the_future: Counter[str] = Counter()
         self._vehicle, self._has_covariance = vehicle, has_covariance
         self._last: dict[str, tuple[int, tuple[float, ...]]] = {}
         masses = zip(car.unsprung_masses, car.spring_rates, car.tire_rates, strict=True)
         self._corners = tuple(math.sqrt((spring + tire) / mass) / (2.0 * math.pi) for mass, spring, tire in masses)
+
+    @property
+    def wheels(self) -> tuple[str, ...]:
+        """Names of the wheels."""
+        return self._vehicle.settings.wheels
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Sources that are to come and are not in use."""
+        used = self.filter.sources
+        return tuple(name for name in self._wanted if name not in used)
 
     def take(self, quantity: str, wheel: int | None, stamp: int, received: int, values: tuple[float, ...]) -> None:
         """Take a sample, as the field map hands it over; of one wheel, the values of the others are NaN."""

@@ -15,16 +15,22 @@ from ..estimator.load_equations import SensorNoise
 from ..estimator.vehicle import VehicleSettings
 from ..estimator.vehicle_parameters import VehicleParameters
 from ..files.errors import InputError
+from ..files.vehicle_file import read_vehicle
 from ..files.yaml_file import read_yaml
 from ..science.contact_step import ContactPoints
-from ..science.unit import HARMONICS, NOT_NEGATIVE, RATIOS, UNBOUNDED, WIDEST_CONTACT, TireWheelUnit
+from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
 from .input_map import QUANTITIES, sources
 
 __all__ = [
-    "PARAMETERS", "Parameter", "car_of", "complete", "noise_of", "read_config", "unit_of", "vehicle_settings"
+    "CAR", "PARAMETERS", "Parameter", "car_of", "complete", "is_of_every_node", "noise_of", "read_car", "read_config",
+    "read_inputs", "unit_of", "vehicle_settings",
 ]  # fmt: skip
 
 NODE_NAME = "tire_dynamics"
+
+CAR = ("front_left", "front_right", "rear_left", "rear_right")
+"""The wheels of a field map, where nothing else names them."""
+
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
 Kind = Literal[
@@ -34,7 +40,7 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class Parameter:
-    """One row of the table. ``low`` and ``high`` are inclusive; 0 is not allowed where ``positive``."""
+    """One row of the table. ``low`` and ``high``, which every number has, are inclusive."""
 
     name: str
     kind: Kind
@@ -42,7 +48,6 @@ class Parameter:
     description: str
     low: float | None = None
     high: float | None = None
-    positive: bool = False
     choices: tuple[str, ...] = ()
     read_only: bool = True
 
@@ -80,8 +85,6 @@ class Parameter:
             raise ValueError(f"{self.name} is {value!r}; it must be a floating-point number{hint}")
         if not math.isfinite(value):
             raise ValueError(f"{self.name} is {value!r}; it must be finite")
-        if self.positive and value <= 0.0:
-            raise ValueError(f"{self.name} is {value!r}; it must be > 0")
         if self.low is not None and value < self.low:
             raise ValueError(f"{self.name} is {value!r}; it must be at least {self.low:g}")
         if self.high is not None and value > self.high:
@@ -120,22 +123,42 @@ _TIRE_UNITS = {
 }
 
 
+# What a description of a tire can hold, from a model car's to an earthmover's and an aircraft's with much to spare: a
+# slip of the decimal point by many places, or of the unit, is refused.
+_TIRE_BOUNDS = {
+    "density": (1.0, 1e5),
+    "bending_stiffness": (1e-6, 1e6),
+    "membrane_stiffness": (1e2, 1e10),
+    "radius": (1e-3, 10.0),
+    "width": (1e-3, 10.0),
+    "thickness": (1e-5, 1.0),
+    "radial_stiffness": (1e2, 1e10),
+    "tangential_stiffness": (1e2, 1e10),
+    "inflation_pressure": (1.0, 1e8),
+    "wheel_mass": (1e-3, 1e5),
+    "suspension_stiffness": (1.0, 1e10),
+    "contact_half_angle": (0.0, WIDEST_CONTACT),
+    "longitudinal_stiffness": (0.0, 1e10),
+    "longitudinal_mass": (0.0, 1e5),
+    "imbalance_mass": (0.0, 1e3),
+    "imbalance_angle": (-1e3, 1e3),
+    "vertical_stiffness": (0.0, 1e10),
+    "residual_damping": (0.0, 1e8),
+    "sprung_mass": (0.0, 1e6),
+    **dict.fromkeys(RATIOS, (0.0, 1.0)),
+}
+
+
 def _tire_parameters() -> tuple[Parameter, ...]:
     rows = []
     for name, default in TireWheelUnit.table_1().to_mapping().items():
-        row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], positive=True, read_only=False)
-        if name in RATIOS:
-            row = dataclasses.replace(row, positive=False, low=0.0, high=1.0)
-        elif name in NOT_NEGATIVE:
-            row = dataclasses.replace(row, positive=False, low=0.0, high=1e300)
-        elif name in UNBOUNDED:
-            row = dataclasses.replace(row, positive=False, low=-1e3, high=1e3)
+        row = Parameter(f"tire.{name}", "double", default, _TIRE_UNITS[name], read_only=False)
+        if name in _TIRE_BOUNDS:
+            row = dataclasses.replace(row, low=_TIRE_BOUNDS[name][0], high=_TIRE_BOUNDS[name][1])
         elif name in HARMONICS:
-            row = dataclasses.replace(row, kind="double[]", default=(), positive=False)
-        elif name == "contact_half_angle":
-            row = dataclasses.replace(row, positive=False, low=0.0, high=WIDEST_CONTACT)
+            row = dataclasses.replace(row, kind="double[]", default=())
         elif name == "sidewall_damping":
-            row = dataclasses.replace(row, kind="string", positive=False, choices=("modal", "reaction"))
+            row = dataclasses.replace(row, kind="string", choices=("modal", "reaction"))
         rows.append(row)
     return tuple(rows)
 
@@ -161,6 +184,9 @@ def _input_parameters() -> Iterator[Parameter]:
         )
         yield Parameter(
             f"{prefix}.sign", "double | double[]", (), "factor on its values: 1.0 or -1.0, for all or for each"
+        )
+        yield Parameter(
+            f"{prefix}.zero", "double | double[]", (), "what its values are where the quantity is zero, in their unit"
         )
         if quantity.linear:
             yield Parameter(
@@ -387,8 +413,9 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     Parameters
     ----------
     path : path
-        A file like ``config/vehicle.yaml``, of which the sections for any node (``/**``) and for a node named
-        ``tire_dynamics`` are read, or like ``config/table_1.yaml``.
+        A file like ``config/vehicle.yaml``, or as ``ros2 param dump`` writes it, of which the sections for any node
+        (``/**``) and for a node named ``tire_dynamics`` are read, or like ``config/table_1.yaml``. In a ROS file null
+        is the default, and parameters that every node has are left out.
 
     Returns
     -------
@@ -400,6 +427,73 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    values = _read(path)
+    try:
+        complete(values)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
+    """A field map from a YAML file like those in ``config/inputs``.
+
+    Parameters
+    ----------
+    path : path
+        A ROS 2 parameter file, with parameters ``inputs.*`` and perhaps ``wheels`` and ``joint_names``.
+
+    Returns
+    -------
+    dict
+        Parameter names and values, only those given. What they make together :func:`complete` checks, for the wheels
+        that there are.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else.
+    """
+    values = _read(path)
+    try:
+        for name, value in values.items():
+            if name in _BY_NAME and not name.startswith("inputs.") and name not in ("wheels", "joint_names"):
+                raise ValueError(f"{name} is no part of a field map, which has inputs.*, wheels and joint_names")
+            if name not in _BY_NAME:
+                raise ValueError(f"{name!r} is not a parameter of {NODE_NAME}{_suggestion(name)}")
+            _BY_NAME[name].check(value)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def read_car(path: str | PathLike[str]) -> dict[str, Any]:
+    """Parameters that have loads estimated, with the car of a YAML file such as ``config/car.yaml``.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+        ``load_source`` and ``vehicle.*``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a field is unknown, missing or out of bounds.
+    """
+    try:
+        car = read_vehicle(path).to_mapping()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return {"load_source": "estimate", **{f"vehicle.{name}": value for name, value in car.items()}}
+
+
+def _read(path: str | PathLike[str]) -> dict[str, Any]:
     if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
         raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
@@ -411,6 +505,10 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     sections = list(_ros_sections(content))
     if sections:
         values: dict[str, Any] = {}
+        full_names = {f"/{node.strip('/')}" for node, _ in sections if "*" not in node}
+        namesakes = {name for name in full_names if name.split("/")[-1] == NODE_NAME}
+        if len(namesakes) > 1:
+            raise InputError(f"{path}: has parameters for {' and '.join(sorted(namesakes))}; leave those of one")
         for node, section in sections:
             if node.split("/")[-1] in ("**", "*", NODE_NAME):
                 if not isinstance(section, dict):
@@ -419,14 +517,15 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         if not values:
             nodes = ", ".join(node for node, _ in sections)
             raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
-        values.pop("use_sim_time", None)  # a parameter of every node, not of this table
+        values = {name: value for name, value in values.items() if value is not None and not is_of_every_node(name)}
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
-    try:
-        complete(values)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     return values
+
+
+def is_of_every_node(name: str) -> bool:
+    """Whether a parameter is one that rclpy gives to every node: not of this table, and in every dump."""
+    return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides.")
 
 
 def _as_parameter(value: Any) -> Any:

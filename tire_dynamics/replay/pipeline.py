@@ -15,7 +15,7 @@ from ..bag import definitions as common
 from ..cdr import messages
 from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
-from .input_map import MapError, mapped_topics, mapped_types, sources
+from .input_map import QUANTITIES, MapError, mapped_topics, mapped_types, sources
 from .load_source import LoadSource
 from .parameters import car_of, complete, noise_of, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream, Sink
@@ -169,7 +169,9 @@ class Pipeline:
         self.loads: LoadSource | None = None
         has_covariance = self.values["axle_wrench_covariance"]
         if self.values["load_source"] == "estimate":
-            self.loads = LoadSource(car_of(self.values), noise_of(self.values), self.vehicle, has_covariance)
+            quantities = {source.quantity for source in sources(self.values)}
+            car, noise = car_of(self.values), noise_of(self.values)
+            self.loads = LoadSource(car, noise, self.vehicle, has_covariance, quantities)
         self._stream = MessageStream(
             self.vehicle.wheels,
             settings.joint_names,
@@ -216,6 +218,18 @@ class Pipeline:
     def set_sink(self, sink: Sink | None) -> None:
         """Hand the samples of speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""
         self._stream.set_sink(sink)
+
+    def take_sums(self) -> dict[str, NDArray[np.float64]]:
+        """By quantity, of each wheel or component: count, sum, sum of sizes and of squares since the last call."""
+        sums = self._stream.take_sums()
+        return {name: sums[quantity.number] for name, quantity in QUANTITIES.items()}
+
+    @property
+    def empty(self) -> Counter[str]:
+        """By mapped topic, the messages that had none of the wheels' names."""
+        counts = self._stream.empty_counts
+        found = {topic.topic: counts[number] for number, topic in enumerate(self._stream.mapped)}
+        return Counter({topic: int(count) for topic, count in found.items() if count})
 
     def receive(self, topic: str, received: int, data: bytes) -> None:
         """Take a serialised input message at its time of receipt [ns]."""

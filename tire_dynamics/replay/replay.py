@@ -20,9 +20,10 @@ from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
 from .doubts import InputDoubts
-from .input_map import mapped_types, sources
+from .input_map import mapped_types, sources, without_absent
+from .input_watch import doubts_of, watched
 from .inputs import first_reasons, hint, reasons
-from .parameters import NODE_NAME, complete, read_config
+from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
 from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs, output_types
 
 __all__ = [
@@ -32,7 +33,6 @@ __all__ = [
 IntArray = NDArray[np.int64]
 
 _MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depend on and that may change in a log
-_CAR = ["front_left", "front_right", "rear_left", "rear_right"]
 _LEAST = 4096  # messages that are taken together; more cost memory and save nothing
 
 
@@ -56,6 +56,8 @@ def replay(
     output: str | PathLike[str],
     *,
     config: str | PathLike[str] | None = None,
+    inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
@@ -73,6 +75,10 @@ def replay(
     config : path, optional
         Parameters, as :func:`~tire_dynamics.replay.parameters.read_config` takes them. What it leaves out is a
         log's own, and for any other bag the default, with the wheels that its topics name.
+    inputs : path, optional
+        A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
+    vehicle : path, optional
+        A car, as :func:`~tire_dynamics.read_vehicle` takes it: its loads are estimated (``load_source: estimate``).
     force : bool
         Replace an output that exists.
     quiet : bool
@@ -101,7 +107,7 @@ def replay(
     """
     reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    how = plan(reader, config, remaps, joints)
+    how = plan(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
     if log is None:
         check(reader, how)
@@ -121,7 +127,10 @@ def replay(
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
     without = reasons(reader, values, names, still)
-    return Summary(received, written, pipeline.values, reader.damage, without, [] if seen is None else seen.doubts())
+    doubts = [] if seen is None else seen.doubts()
+    if seen is not None and pipeline.mapped:
+        doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
+    return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 
 class Plan(NamedTuple):
@@ -137,6 +146,8 @@ def plan(
     config: str | PathLike[str] | None = None,
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
+    inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
 ) -> Plan:
     """How a bag would be replayed; of its messages only the first log record is read.
 
@@ -149,6 +160,8 @@ def plan(
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
     joints : mapping, optional
         Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
+    inputs, vehicle : path, optional
+        As :func:`replay` takes them.
 
     Raises
     ------
@@ -158,15 +171,25 @@ def plan(
     remaps = dict(remaps or {})
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
+    given.update(read_inputs(inputs) if inputs is not None else {})
+    given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
-        given = {**given, "wheels": _CAR if given.get("load_source") == "estimate" else _wheels(reader, remaps)}
+        mapped = any(name.startswith("inputs.") and name.endswith(".topic") and given[name] for name in given)
+        is_car = mapped or given.get("load_source") == "estimate"
+        given = {**given, "wheels": CAR if is_car else _wheels(reader, remaps)}
     try:
         values = complete(given)
         if joints:
             values = complete({**values, "joint_names": _joint_names(values, joints)})
+        if log is None:
+            values = without_absent(values, lambda topic: topic not in remaps and not _holds(reader, topic))
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
     return Plan(values, _names(reader, values, log, remaps), log)
+
+
+def _holds(reader: BagReader, topic: str) -> bool:
+    return any(name == topic or not topic.startswith("/") and name.endswith(f"/{topic}") for name in reader.topics)
 
 
 def pipeline_of(reader: BagReader, how: Plan) -> Pipeline:

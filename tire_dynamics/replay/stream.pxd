@@ -47,6 +47,7 @@ cdef class MessageStream:
     cdef long long[::1] slot_wheel
     cdef long long[::1] partner
     cdef double[::1] scale_of
+    cdef double[::1] shift_of
     cdef double[::1] last_speed
     cdef double[::1] last_traction
     cdef double[::1] spare

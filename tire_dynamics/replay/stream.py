@@ -250,7 +250,8 @@ class MessageStream:
         self.empty_counts = np.zeros(max(len(mapped), 1), dtype=np.int64).data
         self.also = np.full(self.fixed, -1, dtype=np.int64).data
         slots = max((topic.plan.slots for topic in mapped), default=0) + 1
-        wheel, partner, scale = np.full(slots, -1), np.full(slots, -1), np.ones(slots)
+        wheel, partner = np.full(slots, -1), np.full(slots, -1)
+        scale, shift = np.ones(slots), np.zeros(slots)
         groups = []
         for topic in mapped:
             place = {}
@@ -260,7 +261,7 @@ class MessageStream:
                 groups.append(row)
                 for k in range(len(group.scales)):
                     wheel[group.first + k] = k if quantity.size else group.wheels[k]
-                    scale[group.first + k] = group.scales[k]
+                    scale[group.first + k], shift[group.first + k] = group.scales[k], group.shifts[k]
                     place[group.quantity, int(wheel[group.first + k])] = group.first + k
             for (name, which), slot in place.items():  # an angle is told with its speed, a traction with its load
                 for one, other in (("speed", "angle"), ("load", "traction")):
@@ -269,7 +270,7 @@ class MessageStream:
         self.groups = np.array(groups or [(0, 0, 0, 0)], dtype=np.int64).reshape(-1).data
         self.group_begin = np.cumsum([0, *(len(topic.values) for topic in mapped)]).astype(np.int64).data
         self.slot_wheel, self.partner = wheel.astype(np.int64).data, partner.astype(np.int64).data
-        self.scale_of = scale.data
+        self.scale_of, self.shift_of = scale.data, shift.data
         self.last_speed, self.last_traction = np.full(wheels, np.nan).data, np.zeros(wheels).data
         self.width = max(wheels, 6)
         self.spare = np.zeros(self.width).data
@@ -399,12 +400,12 @@ class MessageStream:
             if not self.fields.found[slot]:
                 continue
             w, other = self.slot_wheel[slot], self.partner[slot]
-            value = self.fields.values[slot] * self.scale_of[slot]
+            value = self.fields.values[slot] * self.scale_of[slot] + self.shift_of[slot]
             self.spare[w] = value
             self.note(quantity, w, value)
             more = _NAN
             if other >= 0 and self.fields.found[other]:
-                more = self.fields.values[other] * self.scale_of[other]
+                more = self.fields.values[other] * self.scale_of[other] + self.shift_of[other]
             if quantity == _SPEED:
                 self.last_speed[w] = value
                 self.wheels.take_speed(w, received, stamp, value, more)

@@ -360,11 +360,11 @@ class Orders:
         self._part = OrderSums()
         if phasors is None:
             return
-        told = np.isfinite(phasors)
-        self._parts += told
-        shift = np.where(told, phasors - self._mean, 0.0)
+        known = np.isfinite(phasors)
+        self._parts += known
+        shift = np.where(known, phasors - self._mean, 0.0)
         self._mean += shift / np.maximum(self._parts, 1.0)
-        self._squares += (shift * np.where(told, phasors - self._mean, 0.0).conj()).real
+        self._squares += (shift * np.where(known, phasors - self._mean, 0.0).conj()).real
 
     @property
     def turns(self) -> float:

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from ..replay.inputs import reasons
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, input_types
 from ..replay.replay import log_record, log_topic, plan
+from ..science.uniformity import Variation
 from .analysis import (
     MEASURED,
     Envelope,
@@ -34,7 +35,7 @@ from .analysis import (
     segment_length,
 )
 
-__all__ = ["CURVES", "Drive", "Input", "Wheel", "gather", "has_outputs"]
+__all__ = ["CURVES", "ROLLING", "Drive", "ForceHarmonics", "Input", "Wheel", "WheelHarmonics", "gather", "has_outputs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -43,7 +44,7 @@ CURVES = ("load_z", "axle_z", "load_x", "axle_x", "speed")
 BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels together
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
 BEYOND = 1e15  # [N]: no force of an estimator, which gives up long before; a stranger's log may have any
-MOST_GAPS = 1000  # of each wheel that are told one by one
+MOST_GAPS = 1000  # of each wheel that are listed one by one
 ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
 
@@ -68,6 +69,20 @@ class Input:
     def rate(self) -> float:
         """Messages per second between the first and the last; NaN for fewer than two."""
         return (self.messages - 1) / (self.last - self.first) if self.last > self.first else math.nan
+
+
+class ForceHarmonics(NamedTuple):
+    """The harmonics of a force over the wheel's angle, and the standard error of each peak to peak [N]."""
+
+    variation: Variation
+    error: FloatArray
+
+
+class WheelHarmonics(NamedTuple):
+    """Those of the axle force fore and aft and of the vertical one."""
+
+    x: ForceHarmonics
+    z: ForceHarmonics
 
 
 class Wheel:
@@ -130,8 +145,8 @@ class Wheel:
         self._before = float(tick[-1]), float(force[-1, 1])
         self.last = float(tick[-1])
 
-    def take_turning(self, tick: FloatArray, force: FloatArray) -> None:
-        """Take axle forces (T, 2) at ticks, as they go round with the wheel."""
+    def take_forces_by_angle(self, tick: FloatArray, force: FloatArray) -> None:
+        """Take axle forces (T, 2) at ticks, for their harmonics over the wheel's angle."""
         angle, speed, stretch = self.angle.at(tick)
         rolling = np.abs(speed) >= ROLLING
         for number in np.unique(stretch[rolling]).tolist():
@@ -154,6 +169,21 @@ class Wheel:
         if self.measured:
             return self._orders[MEASURED]
         return max(self._orders.values(), key=lambda some: some[0].turns, default=None)
+
+    @property
+    def harmonics(self) -> WheelHarmonics | None:
+        """The harmonics of the axle force; None if the wheel went too few turns, or too unevenly."""
+        if self.orders is None:
+            return None
+        (x, x_error), (z, z_error) = (orders.variation() for orders in self.orders)
+        if x is None or z is None:
+            return None
+        return WheelHarmonics(ForceHarmonics(x, x_error), ForceHarmonics(z, z_error))
+
+    @property
+    def mean_speed(self) -> float:
+        """[rad/s]; NaN if no speed is known."""
+        return self.numbers["speed"].mean
 
     @property
     def highest_speed(self) -> float:
@@ -307,7 +337,7 @@ class _Reading:
             wheel.unusable += int((~usable).sum())
             tick, force = self._seconds(stamp[usable]), force[usable]
             wheel.take_forces(tick, force, acts, load)
-            wheel.take_turning(tick, force)
+            wheel.take_forces_by_angle(tick, force)
             place = of(f"{wheel.name}/ring_deflection")
             belts = np.empty(place.size, object)
             belts[:] = [block.data[k : k + n] for k, n in zip(block.start[place], block.size[place], strict=True)]

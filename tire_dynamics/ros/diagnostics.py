@@ -53,7 +53,12 @@ def of_idle_node(state: str, refusal: Exception | None) -> Finding:
 
 
 def of_node(
-    wheels: int, values: Mapping[str, Any], log: tuple[Mapping[str, Any], str, str], namesakes: int, full_name: str
+    wheels: int,
+    values: Mapping[str, Any],
+    log: tuple[Mapping[str, Any], str, str],
+    namesakes: int,
+    full_name: str,
+    doubts: Sequence[str] = (),
 ) -> Finding:
     """Of an active node.
 
@@ -67,6 +72,8 @@ def of_node(
     namesakes : int
         Other nodes of the same full name.
     full_name : str
+    doubts : sequence of str
+        What is odd about the inputs.
     """
     logged, trouble, missing = log
     level, summary = DiagnosticStatus.OK, f"{wheels} wheels"
@@ -74,13 +81,22 @@ def of_node(
         level, summary = DiagnosticStatus.ERROR, trouble
     elif missing:
         level, summary = DiagnosticStatus.WARN, missing
+    if doubts:
+        level = max(level, DiagnosticStatus.WARN)
+        summary = f"doubtful: {doubts[0]}" if level == DiagnosticStatus.WARN else f"{summary}; doubtful: {doubts[0]}"
     if namesakes > 0:
         level = max(level, DiagnosticStatus.WARN)
         summary = f"{namesakes} other nodes are called {full_name}; {summary}"
     return Finding(level, summary, {**values, **logged})
 
 
-def of_wheel(vehicle: Vehicle, index: int, stability: Mapping[str, Any], variation: Mapping[str, str]) -> Finding:
+def of_wheel(
+    vehicle: Vehicle,
+    index: int,
+    stability: Mapping[str, Any],
+    variation: Mapping[str, str],
+    load_source: str = "topic",
+) -> Finding:
     """Of a wheel: its inputs and their ages, stability and force variation.
 
     Parameters
@@ -91,6 +107,8 @@ def of_wheel(vehicle: Vehicle, index: int, stability: Mapping[str, Any], variati
         The last reply of the stability analysis; empty before the first.
     variation : mapping
         Of the radial force, by harmonic.
+    load_source : str
+        As the parameter has it.
     """
     inputs = vehicle.inputs[index]
     verdict = stability.get("verdict", "not yet known")
@@ -113,7 +131,7 @@ def of_wheel(vehicle: Vehicle, index: int, stability: Mapping[str, Any], variati
         "in motion": inputs.running,
         **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
         "speed [rad/s]": f"{inputs.speed:.4f}",
-        "load source": "road" if on_road else "topic",
+        "load source": load_source,
         "load [N]": f"{inputs.load[0]:.1f}",
         **({"road height [m]": _shown(inputs.height, ".4f")} if on_road else {}),
         **({"note": _NO_RUNOUT} if unit.radial_runout and not on_road else {}),
@@ -125,6 +143,7 @@ def of_wheel(vehicle: Vehicle, index: int, stability: Mapping[str, Any], variati
         "critical speed [rad/s]": _shown(stability.get("critical_speed_rad_s"), ".2f"),
         "periodicity": stability.get("periodicity", "not yet known"),
         "nearest tongue [rad/s]": _shown(stability.get("nearest_tongue_rad_s"), ".2f"),
+        "nearest tongue opens at amplitudes times": _shown(stability.get("nearest_tongue_scale"), ".3g"),
         **variation,
         "stops for stale inputs": inputs.stops,
         "stops for divergence": inputs.divergences,

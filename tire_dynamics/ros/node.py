@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -15,7 +16,7 @@ from typing import Any
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.experimental import EventsExecutor
@@ -28,14 +29,17 @@ from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
 from ..files.errors import InputError, first_line
+from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
-from . import diagnostics, node_parameters
+from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
 from .deferred import Deferred, allow_deferred
 from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
+from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
+from .qos_overrides import QosOverrides
 from .stop import Stop
 from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
@@ -90,6 +94,8 @@ class TireDynamicsNode(LifecycleNode):
 
     _pipeline: Pipeline
     _monitor: UniformityMonitor
+    _watch: InputWatch
+    _doubts: list[str]  # of the inputs, as they were said last
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -99,6 +105,7 @@ class TireDynamicsNode(LifecycleNode):
         arguments: Sequence[str] | None = None,
         paced: bool = False,
     ) -> None:
+        self._made_by_rclpy = self._configured = self._declaring = False
         try:
             super().__init__(
                 NODE_NAME,
@@ -107,12 +114,10 @@ class TireDynamicsNode(LifecycleNode):
                 automatically_declare_parameters_from_overrides=True,
             )
         except (ParameterException, ValueError) as error:
-            if "PARAMETER_NOT_SET" in str(error):
-                names = "wheels, joint_names, frame_ids or tf.positions"
-                raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
             raise InputError(first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
             raise InputError(first_line(error)) from None
+        self._made_by_rclpy = True
         self._clock_now = self.get_clock()
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
@@ -121,7 +126,7 @@ class TireDynamicsNode(LifecycleNode):
         self._journal = Journal(self.get_logger(), self._now)
         self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
         self._analyst = Analyst()
-        self._unanswered: set[Deferred] = set()
+        self._unanswered: dict[Deferred, Any] = {}  # with the response of each
         self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
@@ -137,14 +142,17 @@ class TireDynamicsNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
-            self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+            self._qos = QosOverrides(self)
+            self._diagnostics = self._qos.publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_task(1.0, self._diagnose)
+            self.add_on_set_parameters_callback(self._check_change)
+            self.add_post_set_parameters_callback(self._apply_change)
             self._autostart = self._is_to_start()
             if self._autostart:
                 self._change(self.trigger_configure)
                 self._change(self.trigger_activate)
             else:
-                node_parameters.declare_loosely(self)
+                self._declare(node_parameters.declare_free)
                 self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
@@ -223,8 +231,9 @@ class TireDynamicsNode(LifecycleNode):
         try:
             self._pipeline, self._wanted = Pipeline(values, definitions_of(values)), values
             self._period = self._pipeline.vehicle.settings.period
-            node_parameters.declare(self, values, read_only=self._autostart)
+            self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
+            self._configured = True
         except BaseException:
             self._clean_up()
             raise
@@ -236,6 +245,8 @@ class TireDynamicsNode(LifecycleNode):
         self._wanted = self._pipeline.values
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
+        self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        self._missing: tuple[str, ...] | None = None
         self._time = None
         try:
             if self._pipeline.values["log.directory"]:
@@ -255,7 +266,9 @@ class TireDynamicsNode(LifecycleNode):
         self._worker.forget()
         self._judge.forget()
         while self._unanswered:
-            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+            deferred, response = self._unanswered.popitem()
+            response.success, response.message = False, _NOT_ACTIVE
+            deferred.answer(response)
         self._preparing = False
         if was_active and self._not_in_force():  # what was accepted counts, and the log says so
             self._pipeline.set_values(self._wanted)
@@ -267,13 +280,14 @@ class TireDynamicsNode(LifecycleNode):
         while len(self._made) > kept:
             destroy, entity = self._made.pop()
             destroy(entity)
+        self._configured = False
         if not self._autostart:
-            node_parameters.declare_loosely(self)
+            self._declare(node_parameters.declare_free)
 
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
-            subscription = self.create_subscription(
+            subscription = self._qos.subscription(
                 message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
@@ -296,7 +310,9 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._pipeline.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
+            reply = self._stability_service(index, _put_as_json)
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", reply))
+        self._connect_typed(wheels)
         self._service(SetBool, "~/set_logging", self._set_logging)
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
@@ -304,13 +320,26 @@ class TireDynamicsNode(LifecycleNode):
         if not self._paced:
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
-        self.add_on_set_parameters_callback(self._check_change)
-        self._made.append((self.remove_on_set_parameters_callback, self._check_change))
-        self.add_post_set_parameters_callback(self._apply_change)
-        self._made.append((self.remove_post_set_parameters_callback, self._apply_change))
+        self._qos.check()
+
+    def _connect_typed(self, wheels: Sequence[str]) -> None:
+        """The topic and the service of each wheel that need messages which may not be installed."""
+        self._wheel_states = None
+        try:
+            if not typed.are_installed():
+                return
+        except RuntimeError as error:
+            self.get_logger().warning(f"no topic <wheel>/{typed.TOPIC}, no service <wheel>/{typed.SERVICE}: {error}")
+            return
+        from tire_dynamics_msgs.srv import FloquetStability
+
+        self._wheel_states = typed.WheelStates(wheels, self._pipeline.values["frame_ids"], self._publisher)
+        for index, wheel in enumerate(wheels):
+            reply = self._stability_service(index, _put_into_fields)
+            allow_deferred(self._service(FloquetStability, f"{wheel}/{typed.SERVICE}", reply))
 
     def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
-        publisher = self.create_publisher(kind, topic, qos)
+        publisher = self._qos.publisher(kind, topic, qos)
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
@@ -332,21 +361,52 @@ class TireDynamicsNode(LifecycleNode):
 
     # -- parameters -----------------------------------------------------------------------------------------
 
-    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
-        values = node_parameters.changed(changes)
-        fixed = [name for name in values if node_parameters.ROWS[name].read_only]
-        if fixed:
-            reason = f"{fixed[0]} may change only while the node is unconfigured"
-            return SetParametersResult(successful=False, reason=reason)
+    def declare_parameters(
+        self, namespace: str, parameters: Sequence[Any], ignore_override: bool = False
+    ) -> list[RosParameter]:
+        """As of every node; but what comes from files and the command line need not have a value or a type."""
+        if ignore_override and not self._made_by_rclpy:
+            parameters = [(name, value, ParameterDescriptor(dynamic_typing=True)) for name, value, *_ in parameters]
+        return super().declare_parameters(namespace, parameters, ignore_override)
+
+    def set_parameters_atomically(self, parameter_list: Sequence[RosParameter]) -> SetParametersResult:
+        """As of every node; and what cannot be set may be set to what it is, as ``ros2 param load`` of a dump does."""
+        changes = node_parameters.meant(parameter_list)
+        if self._configured:
+            changes = [each for each in changes if not node_parameters.is_in_force(self, self._wanted, each)]
+        if not changes and parameter_list:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
+
+    def _declare(self, declare: Callable[[TireDynamicsNode], None]) -> None:
+        self._declaring = True
         try:
+            declare(self)
+        finally:
+            self._declaring = False
+
+    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
+        values = node_parameters.changed(changes)
+        try:
+            if not self._configured:
+                node_parameters.check(self, values)
+                return SetParametersResult(successful=True)
+            for name in values:
+                if node_parameters.ROWS[name].read_only:
+                    raise ValueError(f"{name} may change only while the node is unconfigured")
             complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
-        values = node_parameters.changed(changes)
+        values = {} if self._declaring else node_parameters.changed(changes)
         if not values:
+            return
+        if not self._configured:  # what was given of another type has its own from now on
+            self._declare(node_parameters.declare_free)
             return
         self._wanted = complete({**self._wanted, **values})
         if self._active:
@@ -469,7 +529,7 @@ class TireDynamicsNode(LifecycleNode):
                     self._journal.drop(topic)
 
     def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
-        """The markers of the wheels whose belts have come, where somebody looks at them."""
+        """Markers and state of the wheels whose belts have come, where somebody looks at them."""
         scale, vehicle = self._pipeline.values["marker_force_scale"], self._pipeline.vehicle
         shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
         for index, wheel in enumerate(vehicle.settings.wheels):
@@ -480,6 +540,8 @@ class TireDynamicsNode(LifecycleNode):
                 points = messages.ring_points(data, vehicle.settings.ring_samples)
                 markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
+            if data is not None and self._wheel_states is not None:
+                self._wheel_states.publish(index, stamp, vehicle, self._stabilities[index])
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
@@ -516,8 +578,8 @@ class TireDynamicsNode(LifecycleNode):
 
     # -- stability and diagnostics --------------------------------------------------------------------------
 
-    def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
+    def _stability_service(self, index: int, put: Callable[[dict[str, Any], Any], None]) -> Any:
+        def reply(request: Any, response: Any) -> Any:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
@@ -525,15 +587,18 @@ class TireDynamicsNode(LifecycleNode):
             name = vehicle.settings.wheels[index]
 
             def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
-                self._unanswered.discard(deferred)
+                self._unanswered.pop(deferred, None)
                 response.success = found is not None
-                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                if found is None:
+                    response.message = str(error)
+                else:
+                    put({**found, "wheel": name}, response)
                 deferred.answer(response)
 
             if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
                 response.success, response.message = False, _BUSY
                 return response
-            self._unanswered.add(deferred)
+            self._unanswered[deferred] = response
             return deferred
 
         return reply
@@ -569,6 +634,7 @@ class TireDynamicsNode(LifecycleNode):
     def _diagnose(self) -> None:
         if self._active:
             self._journal.retry()
+            self._look_at_inputs()
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -577,12 +643,25 @@ class TireDynamicsNode(LifecycleNode):
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
+            if (loads := self._pipeline.loads) is not None:
+                array.status.append(self._status("load estimate", of_loads(loads)))
+                if change := change_of(self._missing, loads):
+                    self.get_logger().warning(change)
+                self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
         now = self._now()
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+
+    def _look_at_inputs(self) -> None:
+        """Say what has become odd about the inputs, once: numbers in it change from second to second."""
+        known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
+        self._doubts = self._watch.look(self._pipeline.take_sums())
+        for doubt in self._doubts:
+            if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
+                self.get_logger().warning(f"doubtful: {doubt}")
 
     def _node_status(self) -> DiagnosticStatus:
         times, self._step_times = self._step_times, []
@@ -596,9 +675,13 @@ class TireDynamicsNode(LifecycleNode):
             **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
+            **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
         wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
-        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name))
+        return self._status(
+            "node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name, self._doubts)
+        )
 
     def _idle_status(self) -> DiagnosticStatus:
         _, state = self._state_machine.current_state
@@ -606,7 +689,8 @@ class TireDynamicsNode(LifecycleNode):
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation)
+        load_source = self._pipeline.values["load_source"]
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, load_source)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
@@ -664,6 +748,15 @@ def run(stop: Stop) -> None:
             node.pace()
     finally:
         node.close()
+
+
+def _put_as_json(found: dict[str, Any], response: Any) -> None:
+    response.message = json.dumps(found)
+
+
+def _put_into_fields(found: dict[str, Any], response: Any) -> None:
+    response.wheel = found["wheel"]
+    typed.fill_stability(response.stability, found)
 
 
 def _wake(executor: Any) -> None:
