@@ -34,7 +34,7 @@ def test_every_row_says_what_it_was_held_against():
         assert kinds and set(kinds) <= KINDS, cells
         used |= set(kinds)
     assert used == KINDS
-    assert {kind for kind in re.findall(r"^- \*\*(\w+)\*\*:", PAGE, re.MULTILINE)} == KINDS
+    assert set(re.findall(r"^- \*\*(\w+)\*\*:", PAGE, re.MULTILINE)) == KINDS
 
 
 def test_every_row_names_a_test_that_there_is():
