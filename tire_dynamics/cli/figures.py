@@ -43,20 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw the figures that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        As ``figures`` does.
+    ``InputError``: as ``figures`` does.
     """
     pictures = figures(options.output, force=options.force, quiet=options.quiet)
     made = [{"picture": str(picture), "numbers": str(picture.with_suffix(".csv"))} for picture in pictures]
