@@ -299,8 +299,7 @@ def test_stability_prints_the_reply_of_the_service():
     reply = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert list(reply) == [
         "wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "nearest_tongue_scale",
-        "nearest_tongue_scale_first_order", "contact",
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "contact",
     ]  # fmt: skip
     assert reply["speed_rad_s"] == pytest.approx(2000.0 * math.pi / 30.0, rel=1e-15)
     assert reply["period_s"] == pytest.approx(0.03, rel=1e-15)
@@ -337,8 +336,7 @@ def test_stability_lists_the_tongues(config):
     assert [each["scale"] is None for each in tongues] == [True] * 3 + [False] * 3
     found = [(eps * each["scale_first_order"], eps * each["scale"]) for each in tongues[3:]]
     np.testing.assert_allclose(found, [(0.200, 0.1675), (0.143, 0.1435), (0.103, 0.0899)], atol=5.1e-4)
-    assert reply["nearest_tongue_scale"] == tongues[-1]["scale"]
-    assert reply["nearest_tongue_scale_first_order"] == tongues[-1]["scale_first_order"]
+    assert reply["nearest_tongue_rad_s"] == tongues[-1]["speed_rad_s"]
     assert "--contact" in refused("stability", "--speed-rpm", 6000, "--tongues", "--contact")
 
 

@@ -173,7 +173,8 @@ def critical_speed(
 
     Notes
     -----
-    The lowest of the speeds of :func:`crossings` at which stability is lost.
+    The lowest of the speeds of :func:`crossings` at which stability is lost. It is no limit for standing waves of the
+    belt, which the model does not have (docs/limits.md).
     """
     if contact:
         return road.critical_speed(unit, model, n_max)
