@@ -151,7 +151,7 @@ def test_a_bag_with_times_beyond_those_of_ros(tmp_path):
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("radius: -1\n", ["tire.radius", "-1", "> 0"]),
+        ("radius: -1\n", ["tire.radius", "-1", "at least 0.001"]),
         ("radus: 0.3\n", ["radus", "radius"]),
         ("radius: wide\n", ["tire.radius", "wide"]),
         ("/**:\n  ros__parameters:\n    rate_hz: -5.0\n", ["rate_hz", "-5"]),
@@ -161,7 +161,7 @@ def test_a_bag_with_times_beyond_those_of_ros(tmp_path):
         ("[1, 2]\n", ["config.yaml"]),
         ("a: [\n", ["config.yaml", "YAML"]),
         ("", ["config.yaml"]),
-        ("density: 1.0e-300\n", ["together"]),
+        ("density: 1.0e-300\n", ["tire.density", "at least 1"]),
     ],
 )
 def test_a_config_that_cannot_be_used(tmp_path, bag, config, text, named):
