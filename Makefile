@@ -99,8 +99,8 @@ bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go t
 	@set -e; for name in $(BENCHMARKS); do \
 		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
 
-identify-study: $(READY)  ## 200 synthetic drives identified: are the stated errors honest? about 10 minutes
-	$(PY) benchmarks/identify_study.py
+identify-study: $(READY)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
+	$(PY) benchmarks/identify_study.py --kinds all
 
 soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
