@@ -300,6 +300,21 @@ def test_the_maps_take_nothing_else(bags):
         Pipeline({**read("carla"), "inputs.speed.type": "a_msgs/B", "inputs.load.type": "a_msgs/B"})
 
 
+def test_a_page_about_a_mapped_drive_has_its_speeds_and_loads(bags, tmp_path):
+    """As the page about the same drive in this package's own messages has them."""
+    from tire_dynamics.report.gather import gather
+
+    replay(bags / "carla", tmp_path / "log", inputs=MAPS / "carla.yaml")
+    reader = BagReader(tmp_path / "log")
+    drive = gather(reader, reader, replayed=True, quiet=True)
+    assert [each.topic for each in drive.inputs] == ["/carla/telemetry"]
+    [telemetry] = drive.inputs
+    assert telemetry.messages == 100 and telemetry.rate == pytest.approx(100.0)
+    for wheel, omega, load in zip(drive.wheels, OMEGA, LOAD, strict=True):
+        assert wheel.numbers["speed"].mean == pytest.approx(omega)
+        assert wheel.numbers["load_z"].mean == pytest.approx(load)
+
+
 # -- bags of other storages -------------------------------------------------------------------------------------------
 
 
