@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError
 from .compression import ZSTD_MAGIC, lz4_data
+from .fields import OTHER_FIELDS, has_other_fields
 from .files import Found
 from .record_types import DamageError
 from .records import DAMAGE, MAX_CHUNK, one_line, unpacked_message
@@ -115,11 +116,13 @@ class SqliteFile(ForeignFile):
                 self._check_table(database, name)
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+            others = self._types_with_other_fields(database)
             rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id")
             for channel, *texts in rows:
                 if type(channel) is not int or not all(isinstance(text, str) for text in texts[:3]):
                     raise DamageError("its table of topics is not that of a bag")
-                self.channels[channel] = texts[0], texts[1], texts[2]
+                odd = texts[2] == "cdr" and texts[1] in others
+                self.channels[channel] = texts[0], texts[1], OTHER_FIELDS if odd else texts[2]
                 self.qos[channel] = texts[3] if isinstance(texts[3], str) else ""
                 self.counts[channel] = 0
                 if len(self.channels) > _MAX_TOPICS:
@@ -141,6 +144,16 @@ class SqliteFile(ForeignFile):
                     f"its recorder was stopped, and what is in {beside.name} is not read; "
                     f"sqlite3 {self.path.name} 'PRAGMA wal_checkpoint' puts it into the file"
                 )
+
+    def _types_with_other_fields(self, database: sqlite3.Connection) -> set[str]:
+        """The types whose definition here, which recorders since Iron write, is not that of ROS."""
+        name, columns = "message_definitions", ("topic_type", "encoding", "encoded_message_definition")
+        if not {row[1] for row in database.execute(f"PRAGMA table_info({name})")}.issuperset(columns):
+            return set()
+        self._check_table(database, name)
+        rows = database.execute(f"SELECT {', '.join(columns)} FROM {name} LIMIT 10000")
+        texts = [(kind, text) for kind, how, text in rows if how == "ros2msg" and isinstance(text, str)]
+        return {kind for kind, text in texts if isinstance(kind, str) and has_other_fields(kind, text)}
 
     def messages(self, topics: Collection[str] | None, in_file_order: bool) -> Iterator[Row]:
         """As of every file of a bag."""

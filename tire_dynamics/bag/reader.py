@@ -27,6 +27,7 @@ from ..files.errors import InputError
 from .block import Block
 from .chunks import HEAD, heads_at
 from .clock import CLOCKS, on_clock
+from .fields import OTHER_FIELDS, has_other_fields
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
 from .record_types import MAGIC, Channel, Metadata, MetadataIndex, Opcode, Schema, Statistics
 from .records import (
@@ -447,6 +448,7 @@ class _BagFile:
         self.chunks: Counter[str] = Counter()  # by compression
         self.kept: int = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
+        self._others: set[int] = set()  # schemas whose text is not that of their type
         self._definitions: dict[str, bytes] = {}  # by type, those in ros2msg
         self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
         # Log time of the first message, offset and length of each span, in the order of the file; plain
@@ -504,6 +506,8 @@ class _BagFile:
             if name != schema.name:
                 raise DamageError(f"schema {schema.id} is declared twice, as {name[:100]} and {schema.name[:100]}")
             self._keep(len(name))
+            if schema.encoding == "ros2msg" and has_other_fields(name, schema.data.decode("utf-8", "replace")):
+                self._others.add(schema.id)
             if schema.encoding == "ros2msg" and name not in self._definitions:
                 self._keep(len(schema.data))
                 self._definitions[name] = schema.data
@@ -511,7 +515,8 @@ class _BagFile:
             channel = Channel.read(content)
             if channel.schema_id not in self._schemas:
                 raise DamageError(f"{channel.topic[:100]} has no schema")
-            new = channel.topic, self._schemas[channel.schema_id], channel.message_encoding
+            odd = channel.message_encoding == "cdr" and channel.schema_id in self._others
+            new = channel.topic, self._schemas[channel.schema_id], OTHER_FIELDS if odd else channel.message_encoding
             old = self.channels.setdefault(channel.id, new)
             if old != new:
                 raise DamageError(f"channel {channel.id} is declared twice, as {old[0][:100]} and {new[0][:100]}")

@@ -79,22 +79,7 @@ class WrenchDecoder:
         self._end = self._position = 0  # of frame_id; of the force, behind its padding
 
     def decode(self, data: bytes) -> WrenchStamped:
-        """Decode one message.
-
-        Parameters
-        ----------
-        data : bytes
-            The serialised message with its encapsulation header.
-
-        Returns
-        -------
-        WrenchStamped
-
-        Raises
-        ------
-        MessageError
-            If the bytes are not such a message.
-        """
+        """Decode one message; ``MessageError`` if the bytes are not such a message."""
         known = data[BODY + 8 : self._end] == self._frame and data[:BODY] == self._encapsulation
         if not known or len(data) < self._position + 48:
             return self._decode_anew(data)

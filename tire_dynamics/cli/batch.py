@@ -51,20 +51,8 @@ class _Done(NamedTuple):
 def run(options: argparse.Namespace) -> int:
     """Replay every bag of ``options.input`` into the folder ``options.output``, and say which could not be.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As of ``tire-dynamics replay``.
-
-    Returns
-    -------
-    int
-        How many bags could not be replayed, or have a wheel without outputs; all others have been.
-
-    Raises
-    ------
-    InputError
-        Nothing has been replayed: two bags are one or have one name, an output exists, or an option is wrong.
+    How many bags could not be replayed, or have a wheel without outputs; all others have been. ``InputError``:
+    nothing has been replayed: two bags are one or have one name, an output exists, or an option is wrong.
     """
     directory = Path(options.output)
     outputs = _outputs(options.input, directory, force=options.force)

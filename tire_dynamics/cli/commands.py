@@ -41,6 +41,7 @@ def _declare(commands: Commands) -> None:
         response,
         road,
         stability,
+        watch,
     )
     from . import map as map_
 
@@ -50,6 +51,21 @@ def _declare(commands: Commands) -> None:
         help="the live node; ROS arguments follow",
         examples=NODE_EXAMPLES,
     )
+
+    command = commands.add(
+        "live",
+        "watch",
+        help="a running node on this terminal: forces, stability, log",
+        description="Shows a running node, until Ctrl-C: what its wheels carry and do to their axles, stability, "
+        "ticks, the log, and what it says on /rosout. For machines without RViz.",
+        examples=(
+            ("watch", "the node that is there"),
+            ("watch --node /red/tire_dynamics", "one of two"),
+            ("watch --once", "once, for a file or a pipe"),
+        ),
+    )
+    watch.add_arguments(command)
+    command.set_defaults(run=watch.run)
 
     command = commands.add(
         _BAGS,
@@ -148,6 +164,7 @@ def _declare(commands: Commands) -> None:
             ("play bags/sample", "once, its stamps moved to the present"),
             ("play drive --rate 2 --loop", "twice as fast, again and again"),
             ("play drive --wait 10", "begin when somebody listens to every topic, or after 10 s"),
+            ("play drive --ros-args -r __ns:=/car -r /car/front_left/load:=/hub", "below /car, one elsewhere"),
         ),
     )
     play.add_arguments(command)

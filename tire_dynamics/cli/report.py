@@ -22,13 +22,7 @@ SAMPLES = 500  # of the tire, if nobody says how many: a second of work
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options."""
     from . import uncertainty
 
     parser.description = (
@@ -52,20 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the page that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        As :func:`report` does.
+    ``InputError``: as :func:`report` does.
     """
     from ..replay.replay import joints_of, remaps_of
     from .answer import answer
@@ -174,6 +155,8 @@ def report(
             )
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
+    if uncertain and drive.on_road:
+        raise InputError(f"{bag.path}: its tires stand on a road; errors of parameters are for tires under given loads")
     known = None
     if uncertain:
         beside = None if config is None else uncertainty.errors_file(Path(config))

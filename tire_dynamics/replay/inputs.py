@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..bag import BagReader
 from ..bag.clock import stamps_of
+from ..bag.fields import OTHER_FIELDS
 from ..cdr import messages
 from ..files.errors import InputError
 from .input_map import sources
@@ -198,6 +199,11 @@ def first_reasons(reader: BagReader, values: Mapping[str, Any], names: Mapping[s
         if topic not in reader.topics or reader.counts[topic] == 0:
             continue
         encoding = reader.encodings[topic]
+        if encoding == OTHER_FIELDS:
+            raise InputError(
+                f"{reader.path}: {topic} is said to be {reader.topics[topic]}, but the bag's own definition of that "
+                "type has other fields; what its messages hold is not known"
+            )
         if encoding != "cdr":
             raise InputError(f"{reader.path}: {topic} is encoded as {encoding}, and only cdr is read{hint(encoding)}")
         try:
@@ -256,6 +262,8 @@ def reasons(
 
 def hint(encoding: str) -> str:
     """What helps where a topic has another encoding than CDR."""
+    if encoding == OTHER_FIELDS:
+        return "; the bag's own definition of its type has other fields"
     if encoding == "ros1":
         return "; the bag of ROS 1 itself (.bag) is read"
     return "; record it with ros2 bag" if encoding in ("json", "protobuf", "flatbuffer") else ""

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from ..estimator.vehicle import VehicleSettings
 from ..files.errors import InputError
 from ..files.yaml_file import read_yaml
-from ..science.contact_step import ContactPoints
+from ..science.contact_points import ContactPoints
 from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
 from .input_map import QUANTITIES, sources
 
@@ -205,6 +205,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
     Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
+    Parameter("contact_points", "integer", 1, "on the road: points of the contact along the patch", 1, 50),
+    Parameter("coupled_harmonics", "integer", 30, "on the road: highest harmonic of a varying sidewall's", 0, 1000),
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
@@ -304,9 +306,9 @@ def _check_road(values: Mapping[str, Any], unit: TireWheelUnit) -> None:
         if not 0.0 < load <= values["max_load_n"]:
             raise ValueError(f"static_loads has {load!r}; each must be > 0 and at most max_load_n")
     try:
-        ContactPoints(unit, 1, values["model"], values["n_max"])
+        ContactPoints(unit, values["contact_points"], values["model"], values["n_max"])
     except ValueError as error:
-        raise ValueError(f"tire.{error}") from None
+        raise ValueError(str(error) if str(error).startswith("contact_points") else f"tire.{error}") from None
 
 
 def _suggestion(name: str) -> str:
@@ -342,10 +344,12 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
         max_load=values["max_load_n"],
         static_loads=tuple(values["static_loads"]) if values["load_source"] == "road" else None,
         max_road_step=values["max_road_step_m"],
+        contact_points=values["contact_points"],
+        coupled_harmonics=values["coupled_harmonics"],
     )
 
 
-def read_config(path: str | PathLike[str]) -> dict[str, Any]:
+def read_config(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:
     """Parameters from a YAML file: a ROS 2 parameter file, or the fields of one unit.
 
     Parameters
@@ -354,6 +358,9 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
         A file like ``config/vehicle.yaml``, or as ``ros2 param dump`` writes it, of which the sections for any node
         (``/**``) and for a node named ``tire_dynamics`` are read, or like ``config/table_1.yaml``. In a ROS file null
         is the default, and parameters that every node has are left out.
+    node : str, optional
+        Full name of the node that is meant, such as ``/car/tire_dynamics``: then what is for it alone is read, as ROS
+        does. Without it, parameters for two nodes named ``tire_dynamics`` are refused.
 
     Returns
     -------
@@ -365,7 +372,7 @@ def read_config(path: str | PathLike[str]) -> dict[str, Any]:
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
-    values = _read(path)
+    values = _read(path, node)
     try:
         complete(values)
     except ValueError as error:
@@ -405,7 +412,7 @@ def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
     return values
 
 
-def _read(path: str | PathLike[str]) -> dict[str, Any]:
+def _read(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:
     if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
         raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
@@ -419,16 +426,16 @@ def _read(path: str | PathLike[str]) -> dict[str, Any]:
         values: dict[str, Any] = {}
         full_names = {f"/{node.strip('/')}" for node, _ in sections if "*" not in node}
         namesakes = {name for name in full_names if name.split("/")[-1] == NODE_NAME}
-        if len(namesakes) > 1:
+        if len(namesakes) > 1 and node is None:
             raise InputError(f"{path}: has parameters for {' and '.join(sorted(namesakes))}; leave those of one")
-        for node, section in sections:
-            if node.split("/")[-1] in ("**", "*", NODE_NAME):
+        for name, section in sections:
+            if _is_for(name, node):
                 if not isinstance(section, dict):
-                    raise InputError(f"{path}: ros__parameters of {node} is not a mapping")
+                    raise InputError(f"{path}: ros__parameters of {name} is not a mapping")
                 values.update(_flat(section))
         if not values:
-            nodes = ", ".join(node for node, _ in sections)
-            raise InputError(f"{path}: has parameters for {nodes}, and none for {NODE_NAME}")
+            names = ", ".join(name for name, _ in sections)
+            raise InputError(f"{path}: has parameters for {names}, and none for {node or NODE_NAME}")
         values = {name: value for name, value in values.items() if value is not None and not is_of_every_node(name)}
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
@@ -455,6 +462,14 @@ def _ros_sections(tree: Mapping[Any, Any], name: str = "") -> Iterator[tuple[str
             yield name, value
         elif isinstance(value, dict):
             yield from _ros_sections(value, f"{name}/{str(key).strip('/')}")
+
+
+def _is_for(name: str, node: str | None) -> bool:
+    """Whether a section's name means a node: by its full name, or by any that is called as this package's is."""
+    if node is None:
+        return name.split("/")[-1] in ("**", "*", NODE_NAME)
+    parts = [{"**": "(/[^/]+)*", "*": "/[^/]+"}.get(part, "/" + re.escape(part)) for part in name.strip("/").split("/")]
+    return re.fullmatch("".join(parts), node) is not None
 
 
 def _flat(tree: Mapping[Any, Any], prefix: str = "") -> dict[str, Any]:

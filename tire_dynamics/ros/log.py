@@ -153,7 +153,7 @@ class Log:
         self.folder = directory / f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
         self.error: str | None = None
         self.written = 0
-        self.kept = False
+        self.kept = self._is_open = False
         self.files = 1
         self._max_size, self._max_duration = max_size or math.inf, max_duration or math.inf
         self._topics, self._definitions = dict(topics), dict(definitions or {})
@@ -204,6 +204,11 @@ class Log:
         if self.error is not None:
             raise InputError(self.error)
 
+    @property
+    def is_open(self) -> bool:
+        """Whether the bag has been made; False as long as that goes on, and where it could not be."""
+        return self._is_open
+
     def finish(self) -> None:
         """Ask the thread to write what is waiting and to finish the bag. Does not wait; no message may follow."""
         self._ending.set()
@@ -222,6 +227,7 @@ class Log:
     def _run(self) -> None:
         try:
             self._writer = self._open()
+            self._is_open = True
             self._opened.set()
             self._write(self._writer)
         except InputError as error:

@@ -9,10 +9,11 @@ import re
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -28,12 +29,14 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
+from ..estimator.vehicle import modes_on_the_road
 from ..files.errors import InputError, first_line
 from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
 from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
+from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
 from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
@@ -46,6 +49,7 @@ from .worker import Worker
 __all__ = ["TireDynamicsNode", "run"]
 
 _IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
+_LOOK = 0.25  # [s] between two looks at inputs and logs, for /rosout
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
@@ -62,6 +66,14 @@ class _PeriodicTask:
         self.call = call
         self.period = round(1e9 * seconds)
         self.due = time.monotonic_ns() + self.period
+
+
+class _Second(NamedTuple):
+    """Counters at a moment: the diagnostics speak of what has come since the last ones."""
+
+    ticks: int = 0
+    missed: int = 0
+    samples: Sequence[Counter[str]] = ()
 
 
 class TireDynamicsNode(LifecycleNode):
@@ -95,6 +107,7 @@ class TireDynamicsNode(LifecycleNode):
     _monitor: UniformityMonitor
     _watch: InputWatch
     _doubts: list[str]  # of the inputs, as they were said last
+    _announcer: Announcer
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -126,10 +139,12 @@ class TireDynamicsNode(LifecycleNode):
         self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
         self._analyst = Analyst()
         self._unanswered: dict[Deferred, Any] = {}  # with the response of each
+        self._switching: list[tuple[Callable[[], tuple[bool, str] | None], Deferred]] = []
         self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
+        self._before = self._second = _Second()
         self._step_times: list[float] = []
         self._stabilities: list[dict[str, Any]] = []
         self._next_wheel = 0
@@ -250,9 +265,11 @@ class TireDynamicsNode(LifecycleNode):
         self._looking = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
         self._time = None
+        self._before = self._second = self._present_second()
         try:
             if self._pipeline.values["log.directory"]:
                 self._journal.start().wait_until_open()
+                self._journal.look()
         except InputError:
             self._journal.end()
             raise
@@ -262,6 +279,9 @@ class TireDynamicsNode(LifecycleNode):
         log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
         rate = self._pipeline.values["rate_hz"]
         self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
+        self._announcer = Announcer(
+            self.get_logger(), self._pipeline, self._journal.names, lambda: self._active and self._now() == 0
+        )
 
     def _deactivate(self) -> None:
         was_active, self._active = self._active, False
@@ -271,6 +291,7 @@ class TireDynamicsNode(LifecycleNode):
             deferred, response = self._unanswered.popitem()
             response.success, response.message = False, _NOT_ACTIVE
             deferred.answer(response)
+        self._switching.clear()
         self._preparing = False
         if was_active and self._not_in_force():  # what was accepted counts, and the log says so
             self._pipeline.set_values(self._wanted)
@@ -315,10 +336,11 @@ class TireDynamicsNode(LifecycleNode):
             reply = self._stability_service(index, _put_as_json)
             allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", reply))
         self._connect_typed(wheels)
-        self._service(SetBool, "~/set_logging", self._set_logging)
+        allow_deferred(self._service(SetBool, "~/set_logging", self._set_logging))
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_task(1.0 / len(wheels), self._update_stability)
+        self._add_task(_LOOK, self._look)
         if not self._paced:
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
@@ -411,10 +433,13 @@ class TireDynamicsNode(LifecycleNode):
             self._declare(node_parameters.declare_free)
             return
         self._wanted = complete({**self._wanted, **values})
-        if self._active:
+        waits = self._preparing or any(name.startswith("tire.") for name in self._not_in_force())
+        if self._active and waits:
             self._prepare_change()
-        else:
-            self._pipeline.set_values(self._wanted)
+            return
+        self._pipeline.set_values(self._wanted)
+        if self._active:
+            self._journal.record()
 
     def _prepare_change(self) -> None:
         """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
@@ -458,7 +483,12 @@ class TireDynamicsNode(LifecycleNode):
             self._journal.put(topic, now, now, data)
             self._pipeline.receive(topic, now, data)
 
-        return callback
+        def joints(data: bytes) -> None:
+            if self._active:
+                self._announcer.joint_states = data
+            callback(data)
+
+        return joints if topic == "joint_states" else callback
 
     def until_tick(self) -> float:
         """Time until the next tick is due [s], on the steady clock; negative if it is late."""
@@ -474,6 +504,8 @@ class TireDynamicsNode(LifecycleNode):
         if not self._active:
             self._deadline = steady + _IDLE
         elif late >= 0:
+            if self._time is None:  # the deadlines begin with the first tick, whatever the start of the process took
+                self._deadline, late = steady, 0
             missed = late // self._period
             self._deadline += (1 + missed) * self._period
             now = self._now()
@@ -505,6 +537,8 @@ class TireDynamicsNode(LifecycleNode):
     def _deliver_results(self) -> None:
         self._worker.deliver(_AT_ONCE)
         self._judge.deliver(_AT_ONCE)
+        if self._switching:
+            self._answer_switches()
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -571,12 +605,25 @@ class TireDynamicsNode(LifecycleNode):
             return None
         return self._time
 
-    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if self._active:
-            response.success, response.message = self._journal.switch(request.data)
-        else:
+    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response | Deferred:
+        if not self._active:
             response.success, response.message = False, _NOT_ACTIVE
-        return response
+            return response
+        deferred = Deferred()
+        self._switching.append((self._journal.switch(request.data), deferred))
+        self._unanswered[deferred] = response
+        return deferred
+
+    def _answer_switches(self) -> None:
+        waiting = []
+        for outcome, deferred in self._switching:
+            if (found := outcome()) is None:
+                waiting.append((outcome, deferred))
+            else:
+                response = self._unanswered.pop(deferred)
+                response.success, response.message = found
+                deferred.answer(response)
+        self._switching = waiting
 
     # -- stability and diagnostics --------------------------------------------------------------------------
 
@@ -609,7 +656,8 @@ class TireDynamicsNode(LifecycleNode):
         vehicle = self._pipeline.vehicle
         state: tuple[Any, ...] = vehicle.unit, speed, vehicle.settings.model
         if vehicle.wheels.on_road:  # to the rad/s: it takes some tens of milliseconds, and is remembered
-            state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
+            n_max = modes_on_the_road(vehicle.unit, vehicle.settings.n_max)
+            state = vehicle.unit, float(round(speed)), vehicle.settings.model, n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _update_stability(self) -> None:
@@ -633,15 +681,22 @@ class TireDynamicsNode(LifecycleNode):
         work = partial(variation_of, monitor.taken(index))
         self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
-    def _diagnose(self) -> None:
+    def _look(self) -> None:
         if self._active:
-            self._journal.retry()
-            self._look_at_inputs()
+            self._journal.look()
+            self._announcer.look()
+
+    def _present_second(self) -> _Second:
+        return _Second(self._ticks, self._missed, [inputs.counts for inputs in self._pipeline.vehicle.inputs])
+
+    def _diagnose(self) -> None:
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
+            self._before, self._second = self._second, self._present_second()
+            self._look_at_inputs()
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
@@ -661,6 +716,15 @@ class TireDynamicsNode(LifecycleNode):
                 self.get_logger().warning(f"doubtful: {doubt}")
 
     def _node_status(self) -> DiagnosticStatus:
+        missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
+        simulated = bool(self._clock_now.ros_time_is_active)
+        slow = diagnostics.of_ticks(missed, ticks, self._pipeline.values["rate_hz"], simulated)
+        self._announcer.warn_of_ticks(slow[1])
+        name = self.get_fully_qualified_name()
+        namesakes = f"{self._namesakes} other nodes are called {name}" if self._namesakes > 0 else ""
+        warning = DiagnosticStatus.WARN
+        doubtful = f"doubtful: {self._doubts[0]}" if self._doubts else ""
+        troubles = [(warning, namesakes), (DiagnosticStatus.ERROR, self._announcer.no_clock), slow, (warning, doubtful)]
         times, self._step_times = self._step_times, []
         values = {
             "ticks": self._ticks,
@@ -675,10 +739,8 @@ class TireDynamicsNode(LifecycleNode):
             **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
             **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
-        wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
-        return self._status(
-            "node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name, self._doubts)
-        )
+        wheels = len(self._pipeline.vehicle.inputs)
+        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), troubles))
 
     def _idle_status(self) -> DiagnosticStatus:
         _, state = self._state_machine.current_state
@@ -686,11 +748,13 @@ class TireDynamicsNode(LifecycleNode):
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation)
+        samples = self._second.samples[index] - self._before.samples[index]
+        hint = self._announcer.misfit
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
-        return diagnostics.message(self.get_name(), self.get_fully_qualified_name(), name, found)
+        return diagnostics.message(self.get_fully_qualified_name(), name, found)
 
     def _not_in_force(self) -> list[str]:
         values = self._pipeline.values
