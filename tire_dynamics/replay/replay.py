@@ -27,10 +27,14 @@ from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_in
 from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs, output_types
 
 __all__ = [
+    "MAP_RECORD",
     "Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "plan", "remaps_of", "replay"
 ]  # fmt: skip
 
 IntArray = NDArray[np.int64]
+
+MAP_RECORD = "tire_dynamics.inputs"
+"""Name of the metadata record with a bag's own field map, as JSON."""
 
 _MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depend on and that may change in a log
 _LEAST = 4096  # messages that are taken together; more cost memory and save nothing
@@ -171,6 +175,8 @@ def plan(
     remaps = dict(remaps or {})
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
+    if log is None and (own := _own_map(reader)):
+        given = {**own, **given}
     given.update(read_inputs(inputs) if inputs is not None else {})
     given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
@@ -186,6 +192,18 @@ def plan(
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
     return Plan(values, _names(reader, values, log, remaps), log)
+
+
+def _own_map(reader: BagReader) -> dict[str, Any]:
+    """The field map that an import has written into a bag."""
+    text = reader.metadata.get(MAP_RECORD, {}).get("parameters", "{}")
+    try:
+        values = json.loads(text)
+        if not all(name in ("wheels", "joint_names") or name.startswith("inputs.") for name in values):
+            raise ValueError
+        return dict(values)
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        raise InputError(f"{reader.path}: its own field map is damaged") from None
 
 
 def _holds(reader: BagReader, topic: str) -> bool:
