@@ -445,7 +445,7 @@ def _lines(output: str, found: Identification) -> list[str]:
     explained = ", ".join(
         f"{share:.2%} of force.{'xz'[axis]}" for axis, share in zip(found.axes, found.explained, strict=True)
     )
-    pieces = f"{found.stretches} piece{'s' * (found.stretches > 1)}"
+    pieces = f"{found.sections} piece{'s' * (found.sections > 1)}"
     lines = [f"{output}: {found.seconds:.1f} s in {pieces}; the model explains {explained}"]
     lines.append(f"  {'':26} {'estimate':>12} {'error':>8}   {'started from':>12}")
     for name, value, error in zip(found.names, found.values, found.errors, strict=True):
@@ -480,7 +480,7 @@ def _content(found: Identification) -> dict[str, Any]:
         "unexplained_coherent": found.unexplained,
         "seconds": found.seconds,
         "samples": found.samples,
-        "stretches": found.stretches,
+        "sections": found.sections,
         "coherent_band_Hz": None if band is None else list(band),
         "spectra": [
             {

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy import interpolate, linalg, optimize, signal
 
 from ..science.spectra import Spectra
-from .identification_problem import DIFFERENCE, Identification, Problem, Seen, Stretch
+from .identification_problem import DIFFERENCE, Identification, Problem, Section, Seen
 
 __all__ = [
     "from_time_series",
@@ -78,14 +78,14 @@ class _Series:
         self.problem = problem
         self.coordinates = _Coordinates(problem)
         record = problem.recording
-        self.parts: list[slice] = []  # of the record, one for each stretch
-        self.stretches: list[Stretch] = []
-        for stretch in problem.stretches:
-            first = stretch.time[0] + problem.settling + delay + _NEARBY
-            part = slice(*np.searchsorted(record.force_time, [first, stretch.time[-1] + delay - _NEARBY]).tolist())
+        self.parts: list[slice] = []  # of the record, one for each section
+        self.sections: list[Section] = []
+        for section in problem.sections:
+            first = section.time[0] + problem.settling + delay + _NEARBY
+            part = slice(*np.searchsorted(record.force_time, [first, section.time[-1] + delay - _NEARBY]).tolist())
             if part.stop - part.start > 1:
                 self.parts.append(part)
-                self.stretches.append(stretch)
+                self.sections.append(section)
         if not self.parts:
             raise ValueError("no measured force lies where speed, load and a settled motion are known")
         self.time = np.concatenate([record.force_time[part] for part in self.parts])
@@ -98,10 +98,10 @@ class _Series:
         self._known_jacobian = (b"", np.empty(0))
 
     def curves(self, x: FloatArray) -> list[FloatArray]:
-        """Axle forces (K, A) at the kept times of each stretch; the last are remembered."""
+        """Axle forces (K, A) at the kept times of each section; the last are remembered."""
         if self._known[0] != x.tobytes():
             unit = self.problem.unit(x)
-            found = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.stretches]
+            found = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.sections]
             self._known = (x.tobytes(), found)
         return self._known[1]
 
@@ -109,10 +109,10 @@ class _Series:
         """Curves, or their derivatives to time, at the times of the measurement less the delay, shape (N, A)."""
         record = self.problem.recording
         values: list[FloatArray] = []
-        for part, stretch, curve in zip(self.parts, self.stretches, curves, strict=True):
+        for part, section, curve in zip(self.parts, self.sections, curves, strict=True):
             if not np.isfinite(curve).all():
                 return np.full_like(self.force, math.nan)
-            spline = interpolate.CubicSpline(stretch.time[stretch.kept], curve)
+            spline = interpolate.CubicSpline(section.time[section.kept], curve)
             values.append(spline(record.force_time[part] - delay, derivative))
         whole: FloatArray = np.concatenate(values)
         return whole
@@ -138,7 +138,7 @@ class _Series:
         for k in range(P):
             step = DIFFERENCE if x[k] + DIFFERENCE < self.problem.high[k] else -DIFFERENCE
             unit = self.problem.unit(self.coordinates.logs(q + step * (np.arange(P) == k)))
-            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.stretches]
+            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.sections]
             J[..., k] = self.at([(one - other) / step for one, other in zip(moved, base, strict=True)], delay)
         J[..., P] = -1e-3 * self.at(base, delay, 1)
         J[:, np.arange(A), P + 1 + np.arange(A)] = 1.0
@@ -237,7 +237,7 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
         unexplained=_unexplained(series, residual[:, -1], 1e-3 * float(z[P])),
         seconds=series.time.size * problem.interval,
         samples=series.time.size,
-        stretches=len(series.stretches),
+        sections=len(series.sections),
         seen=seen,
     )
 
@@ -293,12 +293,12 @@ def _unexplained(series: _Series, residual: FloatArray, delay: float) -> float:
     load = np.concatenate(
         [
             np.interp(series.problem.recording.force_time[part] - delay, each.time, each.load)
-            for part, each in zip(series.parts, series.stretches, strict=True)
+            for part, each in zip(series.parts, series.sections, strict=True)
         ]
     )
     longest = max(run.stop - run.start for run in series.runs)
     length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
-    spectra = Spectra(1.0 / series.problem.interval, length, held=False)
+    spectra = Spectra(1.0 / series.problem.interval, length, zero_order_hold=False)
     for run in series.runs:
         spectra.add(series.time[run], load[run], residual[run])
     transfer = spectra.transfer()

@@ -43,7 +43,7 @@ IntArray = NDArray[np.int64]
 CURVES = ("load_z", "axle_z", "load_x", "axle_x", "speed")
 BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels together
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
-BEYOND = 1e15  # [N]: no force of an estimator, which gives up long before; a stranger's log may have any
+BEYOND = 1e15  # [N]: no force of an estimator, which marks itself diverged long before; a stranger's log may have any
 MOST_GAPS = 1000  # of each wheel that are listed one by one
 ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
@@ -101,7 +101,7 @@ class Wheel:
         self.first = self.last = math.nan
         self.intervals = Intervals()
         self.angle = WheelAngle(timeout)
-        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by stretch
+        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by segment
         self._held = HeldInput()
         self._before: tuple[float, float] | None = None  # tick and force
 
@@ -147,14 +147,14 @@ class Wheel:
 
     def take_forces_by_angle(self, tick: FloatArray, force: FloatArray) -> None:
         """Take axle forces (T, 2) at ticks, for their harmonics over the wheel's angle."""
-        angle, speed, stretch = self.angle.at(tick)
+        angle, speed, segment = self.angle.at(tick)
         rolling = np.abs(speed) >= ROLLING
-        for number in np.unique(stretch[rolling]).tolist():
+        for number in np.unique(segment[rolling]).tolist():
             if number not in self._orders:  # of those whose zero is their own, only the longest is of use
                 longest = max(self._orders, key=lambda key: self._orders[key][0].turns, default=MEASURED)
                 self._orders = {key: some for key, some in self._orders.items() if key in (MEASURED, longest)}
                 self._orders[number] = Orders(), Orders()
-            some = rolling & (stretch == number)
+            some = rolling & (segment == number)
             for orders, column in zip(self._orders[number], force.T, strict=True):
                 orders.add(angle[some], column[some])
 
@@ -165,7 +165,7 @@ class Wheel:
 
     @property
     def orders(self) -> tuple[Orders, Orders] | None:
-        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest stretch; if any."""
+        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest segment; if any."""
         if self.measured:
             return self._orders[MEASURED]
         return max(self._orders.values(), key=lambda some: some[0].turns, default=None)
