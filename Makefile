@@ -7,6 +7,7 @@ READY := $(VENV)/ready
 COLCON := $(VENV)/bin/colcon
 DOCS := $(VENV)/bin/mkdocs
 INTEROP := $(VENV)/interop/ready
+GENERATORS := $(VENV)/interfaces
 
 # The first Python that is new enough and can make a virtual environment; `make PYTHON=... run` names another.
 SUITS = -c 'import ensurepip, sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' 2>/dev/null
@@ -19,7 +20,7 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 endif
 
-BENCHMARKS := step road replay stability start live
+BENCHMARKS := step road replay compare stability start live
 
 CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
 
@@ -63,13 +64,13 @@ tests-quick: $(READY)
 tests-parallel: $(READY)
 	$(PYTEST) $(SPREAD) -m 'not live and not nightly'
 
-tests-live: $(READY)
+tests-live: $(READY) $(GENERATORS)
 	$(PYTEST) $(SPREAD) -m 'live and not nightly'
 
 tests-random: $(READY)
 	$(PYTEST) $(SPREAD) -m 'not live' $(RANDOM) || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
-tests-long: $(READY)
+tests-long: $(READY) $(GENERATORS)
 	$(PYTEST) -m live $(RANDOM) -rP || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
 interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
@@ -87,7 +88,7 @@ lint: $(READY)  ## ruff
 types: $(READY)  ## mypy
 	$(PY) -m mypy
 
-colcon: $(READY) $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+colcon: $(READY) $(COLCON) $(GENERATORS)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
 
 bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
@@ -126,6 +127,10 @@ $(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
 
 $(COLCON): $(INSTALLED) | $(READY)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
+	@touch $@
+
+$(GENERATORS): $(INSTALLED) | $(READY)
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interfaces]'
 	@touch $@
 
 $(DOCS): $(INSTALLED) | $(READY)

@@ -299,7 +299,8 @@ def test_stability_prints_the_reply_of_the_service():
     reply = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert list(reply) == [
         "wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s",
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "nearest_tongue_scale",
+        "nearest_tongue_scale_first_order", "contact",
     ]  # fmt: skip
     assert reply["speed_rad_s"] == pytest.approx(2000.0 * math.pi / 30.0, rel=1e-15)
     assert reply["period_s"] == pytest.approx(0.03, rel=1e-15)
@@ -321,6 +322,24 @@ def test_stability_at_standstill_and_backwards():
     assert all(real < 0.0 for real, _ in still["exponents_1_s"])
     back = json.loads(called("stability", "--speed-rpm", "-2000").stdout)
     assert back["spectral_radius"] == pytest.approx(0.687992, abs=5e-7)
+
+
+@pytest.mark.slow
+def test_stability_lists_the_tongues(config):
+    """Six at zeta_1 = zeta_s = 0.05: the threshold of the verdict beside that of the first order, docs/model.md."""
+    eps = 0.05
+    crosswise = f"[[2, {2 * eps}, 1.5707963267948966]]"
+    varying = f"radial_nonuniformity: [[2, {2 * eps}, 0.0]]\ntangential_nonuniformity: {crosswise}\n"
+    path = config(f"zeta_1: 0.05\nzeta_s: 0.05\n{varying}")
+    reply = json.loads(called("stability", "--speed-rpm", 6000, "--config", path, "--tongues").stdout)
+    tongues = reply["tongues"]
+    assert [round(each["speed_rad_s"] * 30.0 / math.pi) for each in tongues] == [472, 2592, 3286, 4711, 5406, 6100]
+    assert [each["scale"] is None for each in tongues] == [True] * 3 + [False] * 3
+    found = [(eps * each["scale_first_order"], eps * each["scale"]) for each in tongues[3:]]
+    np.testing.assert_allclose(found, [(0.200, 0.1675), (0.143, 0.1435), (0.103, 0.0899)], atol=5.1e-4)
+    assert reply["nearest_tongue_scale"] == tongues[-1]["scale"]
+    assert reply["nearest_tongue_scale_first_order"] == tongues[-1]["scale_first_order"]
+    assert "--contact" in refused("stability", "--speed-rpm", 6000, "--tongues", "--contact")
 
 
 def test_stability_takes_either_kind_of_config(config):

@@ -13,12 +13,12 @@ from collections.abc import Callable, Collection, Iterator
 from contextlib import closing, contextmanager
 from typing import TYPE_CHECKING, Any
 
-import lz4.frame  # type: ignore[import-untyped]
-
 from ..files.errors import InputError
+from .compression import ZSTD_MAGIC, lz4_data
 from .fields import OTHER_FIELDS, has_other_fields
 from .files import Found
-from .records import DAMAGE, MAX_CHUNK, ZSTD_MAGIC, DamageError, one_line, unpacked_message
+from .record_types import DamageError
+from .records import DAMAGE, MAX_CHUNK, one_line, unpacked_message
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -29,6 +29,7 @@ Row = tuple[str, int, bytes]
 """Topic, log time [ns], serialised message (CDR)."""
 
 _NO_TIME = 2**63 - 1  # of a file without messages
+_MAX_DEFINITION = 2**20  # characters
 _MAX_TOPICS = 65_535  # as many as an MCAP file can have
 _MAX_ROS1_INDEX = 50_000_000  # messages; the library keeps the place of each in memory
 
@@ -63,6 +64,11 @@ class ForeignFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.chunks: Counter[str] = Counter()
         self.kept = 0
+        self._definitions: dict[str, str] = {}
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        return self._definitions.get(msgtype)
 
     def messages(self, topics: Collection[str] | None, in_file_order: bool) -> Iterator[Row]:
         """The messages of some topics, or all, by log time or as they were written.
@@ -130,6 +136,7 @@ class SqliteFile(ForeignFile):
                 self.counts[channel] = count
                 self.count += count
                 self.start, self.end = min(self.start, first), max(self.end, last)
+            self._read_definitions(database)
         for ending in ("-wal", "-journal"):
             beside = self.path.with_name(self.path.name + ending)
             if beside.is_file() and beside.stat().st_size:
@@ -161,6 +168,21 @@ class SqliteFile(ForeignFile):
                 if type(time) is not int or time < 0 or not isinstance(data, bytes):
                     raise DamageError("a message has no time or no content")
                 yield wanted[channel], time, unpacked_message(data) if data.startswith(ZSTD_MAGIC) else data
+
+    def _read_definitions(self, database: sqlite3.Connection) -> None:
+        """The definitions of messages, which recorders since Iron write."""
+        if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone() is None:
+            return
+        self._check_table(database, "message_definitions")
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions LIMIT 10000"
+        for name, encoding, text in database.execute(query):
+            if (
+                encoding == "ros2msg"
+                and isinstance(name, str)
+                and isinstance(text, str)
+                and len(text) < _MAX_DEFINITION
+            ):
+                self._definitions.setdefault(name, text)
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
@@ -221,6 +243,8 @@ class Ros1File(ForeignFile):
                 if (kind, definition) not in known:
                     known[kind, definition] = _has_layout(store, kind, definition)
                 topic = f"/{connection.topic.lstrip('/')}"
+                if known[kind, definition] and kind not in self._definitions:
+                    self._definitions[kind] = store.generate_msgdef(kind, ros_version=2)[0]
                 self.channels[connection.id] = topic, kind, "cdr" if known[kind, definition] else "ros1"
                 self.counts[connection.id] = counted[connection.id]
                 latched = getattr(connection.ext, "latching", None)
@@ -242,7 +266,10 @@ class Ros1File(ForeignFile):
 
     @contextmanager
     def _reading(self) -> Iterator[Any]:
-        from rosbags.rosbag1 import Reader
+        try:
+            from rosbags.rosbag1 import Reader
+        except ImportError:
+            raise InputError(f"{self.path}: a bag of ROS 1, which needs a package: pip install rosbags") from None
 
         class Bounded(Reader):
             """The library's reader, whose chunks may not become larger than a bag's."""
@@ -279,8 +306,8 @@ def _bounded(decompress: Callable[[bytes], bytes]) -> Callable[[bytes], bytes]:
         most = 4 * MAX_CHUNK
         if decompress is bz2.decompress:
             result = bz2.BZ2Decompressor().decompress(data, most + 1)
-        elif decompress is lz4.frame.decompress:
-            result = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=most + 1)
+        elif decompress.__module__.partition(".")[0] == "lz4":
+            result = lz4_data(data, most + 1)
         else:
             return decompress(data)
         if len(result) > most:

@@ -1,9 +1,8 @@
 """Reads rosbag2 bags, and single files of a bag.
 
-Files of other storages than MCAP are read by ``foreign``. For MCAP the reader takes record layouts from the mcap
-library, but walks the file itself: bags come from strangers and from nodes that were killed, so every length is
-checked before it is believed, a file without its end is read as far as it goes, and memory holds a chunk or a few,
-whatever the length of the bag.
+Files of other storages than MCAP are read by ``foreign``. Bags come from strangers and from nodes that were killed, so
+every length is checked before it is believed, a file without its end is read as far as it goes, and memory holds a
+chunk or a few, whatever the length of the bag.
 
 A span is a piece of a file that holds whole records: a chunk, or a run of messages outside chunks.
 
@@ -14,7 +13,6 @@ share one state: what has been declared, where the spans are, and what was found
 from __future__ import annotations
 
 import heapq
-import io
 import os
 import struct
 import zlib
@@ -26,10 +24,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from mcap import records
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from ..files.errors import InputError
@@ -38,6 +32,7 @@ from .chunks import HEAD, heads_at
 from .clock import CLOCKS, on_clock
 from .fields import OTHER_FIELDS, has_other_fields
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
+from .record_types import MAGIC, Channel, Metadata, MetadataIndex, Opcode, Schema, Statistics
 from .records import (
     CHUNK,
     DAMAGE,
@@ -73,7 +68,7 @@ _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, bytes of the message indexes' places
 _INDEX_PLACE = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, CRC
-_FOOTER_LENGTH = _FOOTER.size + len(MCAP0_MAGIC)
+_FOOTER_LENGTH = _FOOTER.size + len(MAGIC)
 
 Message = tuple[str, str, int, int, bytes]
 """Topic, message type, log time and publish time [ns], serialised message."""
@@ -194,6 +189,13 @@ class BagReader:
     def complete(self) -> bool:
         """Whether every file has its end."""
         return not self.damage
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a message type that the bag carries, as ``ros2msg`` has it; None if it carries none."""
+        for file in self._all:
+            if (text := file.definition(msgtype)) is not None:
+                return text
+        return None
 
     def rare(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time and content of the messages of a topic of few, in the order of the files.
@@ -450,10 +452,16 @@ class _BagFile:
         self.kept: int = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
         self._others: set[int] = set()  # schemas whose text is not that of their type
+        self._definitions: dict[str, bytes] = {}  # by type, those in ros2msg
         self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
         # Log time of the first message, offset and length of each span, in the order of the file; plain
         # numbers, because an hour of driving has tens of thousands of spans.
         self.spans = array("Q")
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        text = self._definitions.get(msgtype)
+        return None if text is None else text.decode("utf-8", "replace")
 
     def routes(self, wanted: Collection[str] | None, numbers: Mapping[str, int]) -> NDArray[np.int64]:
         """The number of the topic by channel; the last is for all channels beyond."""
@@ -490,22 +498,24 @@ class _BagFile:
 
     def _add_record(self, opcode: int, content: bytes) -> None:
         """Take in a record that describes messages, wherever it stands."""
-        stream = ReadDataStream(io.BytesIO(content))
         if opcode == Opcode.SCHEMA or opcode == Opcode.CHANNEL:
             key, value = (opcode, content[:2]), hash(content)
             if self._seen.get(key) == value:
                 return  # said again, as recorders may in every chunk
             self._seen[key] = value
         if opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(stream)
+            schema = Schema.read(content)
             name = self._schemas.setdefault(schema.id, schema.name)
             if name != schema.name:
                 raise DamageError(f"schema {schema.id} is declared twice, as {name[:100]} and {schema.name[:100]}")
             self._keep(len(name))
             if schema.encoding == "ros2msg" and has_other_fields(name, schema.data.decode("utf-8", "replace")):
                 self._others.add(schema.id)
+            if schema.encoding == "ros2msg" and name not in self._definitions:
+                self._keep(len(schema.data))
+                self._definitions[name] = schema.data
         elif opcode == Opcode.CHANNEL:
-            channel = records.Channel.read(stream)
+            channel = Channel.read(content)
             if channel.schema_id not in self._schemas:
                 raise DamageError(f"{channel.topic[:100]} has no schema")
             odd = channel.message_encoding == "cdr" and channel.schema_id in self._others
@@ -520,7 +530,7 @@ class _BagFile:
             self._keep(len(new[0]) + len(new[2]))
         elif opcode == Opcode.METADATA:
             self._keep(len(content))
-            metadata = records.Metadata.read(stream)
+            metadata = Metadata.read(content)
             self.metadata[metadata.name] = metadata.metadata
 
     def _keep(self, length: int) -> None:
@@ -540,9 +550,9 @@ class _BagFile:
                 self.spans.extend((start, offset, chunk_length))
                 self.chunks[_compression(content)] += 1
             elif opcode == Opcode.STATISTICS:
-                statistics = records.Statistics.read(ReadDataStream(io.BytesIO(content)))
+                statistics = Statistics.read(content)
             elif opcode == Opcode.METADATA_INDEX:
-                metadata_indexes.append(records.MetadataIndex.read(ReadDataStream(io.BytesIO(content))))
+                metadata_indexes.append(MetadataIndex.read(content))
             else:
                 self._add_record(opcode, content)
         if statistics is None or statistics.chunk_count != len(self.spans) // 3:
@@ -566,7 +576,7 @@ class _BagFile:
 
     def _walk(self, file: BinaryIO, size: int) -> None:
         """Go through the file from its beginning to the end of its data, or to the first damage."""
-        position = after = len(MCAP0_MAGIC)
+        position = after = len(MAGIC)
         file.seek(position)
         run: list[int] = []  # span of messages outside chunks
         try:
@@ -674,7 +684,7 @@ def _summary(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
     file.seek(max(size - _FOOTER_LENGTH, 0))
     footer = file.read()
     opcode, _, position, _, crc = _FOOTER.unpack_from(footer)
-    if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MCAP0_MAGIC or not position:
+    if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MAGIC or not position:
         raise DamageError("no summary")
     actual_crc = 0
     file.seek(position)

@@ -17,7 +17,7 @@ from ..bag.writer import check_replaceable, remove_bag
 from ..files.errors import InputError
 from ..files.progress import Progress
 from ..replay.jobs import Failure, workers
-from ..replay.parameters import read_config
+from ..replay.parameters import read_config, read_inputs
 from ..replay.replay import joints_of, remaps_of, replay
 from .answer import answer, printable
 
@@ -31,6 +31,7 @@ class _Task(NamedTuple):
     name: str
     staging: str
     config: str | None
+    inputs: str | None
     remaps: dict[str, str]
     joints: dict[str, str]
     clock: str | None
@@ -57,11 +58,13 @@ def run(options: argparse.Namespace) -> int:
     outputs = _outputs(options.input, directory, force=options.force)
     if options.config:
         read_config(options.config)  # what is wrong with it is said once
+    if options.inputs:
+        read_inputs(options.inputs)
     remaps, joints = remaps_of(options.remap), joints_of(options.joint)
     with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
-        config = os.path.abspath(options.config) if options.config else None
+        config, inputs = (os.path.abspath(path) if path else None for path in (options.config, options.inputs))
         tasks = [
-            _Task(os.path.abspath(source), output.name, staging, config, remaps, joints, options.clock)
+            _Task(os.path.abspath(source), output.name, staging, config, inputs, remaps, joints, options.clock)
             for source, output in outputs
         ]
         with closing(pool.each(_replay_one, tasks)) as results:
@@ -120,6 +123,7 @@ def _replay_one(task: _Task) -> _Done:
         task.source,
         Path(own) / task.name,
         config=task.config,
+        inputs=task.inputs,
         quiet=True,
         remaps=task.remaps,
         joints=task.joints,

@@ -240,6 +240,7 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
 
     from ..cdr import messages
     from ..estimator.identification import Recording
+    from ..replay.series import series_of
 
     wheels = how.values["wheels"]
     wheel = options.wheel or (wheels[0] if len(wheels) == 1 else None)
@@ -257,7 +258,7 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
     names = {how.names[f"{wheel}/{name}"]: name for name in ("wheel_speed", "load", "load_force")}
     names |= {how.names["joint_states"]: "joint_states", topic: "measured"}
     joint = how.values["joint_names"][wheels.index(wheel)]
-    columns, unreadable = _columns(reader, names, joint, options.quiet)
+    columns, unreadable = series_of(reader, names, joint, options.quiet)
     notes = [f"{name}: {count} messages are not what their type says" for name, count in unreadable.items() if count]
     bounds = {"speed": how.values["max_speed_rad_s"], "load": how.values["max_load_n"], "force": MOST_FORCE}
     series: dict[str, Any] = {}
@@ -303,66 +304,6 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
         force[:, 2:],
     )
     return record, notes
-
-
-def _columns(
-    reader: BagReader, names: dict[str, str], joint: str, quiet: bool
-) -> tuple[dict[str, tuple[Any, bool]], dict[str, int]]:
-    """Rows (time [s since the first message], receipt, values) of speed, load and force, and whether they have stamps.
-
-    Also how many messages on each topic could not be read.
-    """
-    import numpy as np
-
-    from ..cdr import messages
-    from ..files.progress import progress
-
-    joints = messages.JointStateDecoder()
-    width = {"speed": 1, "load": 2, "force": 2}
-    pieces: dict[str, list[Any]] = {name: [np.empty((0, 2 + count))] for name, count in width.items()}
-    unreadable = dict.fromkeys(names, 0)
-    begin = reader.start_ns or 0
-    blocks = reader.blocks(names.keys() & reader.topics.keys())
-    for block in progress(
-        blocks, reader.message_count, "identify", size=lambda block: block.topic.size, unit="messages", quiet=quiet
-    ):
-        for number, topic in enumerate(block.topics):
-            some = np.flatnonzero(block.topic == number)
-            if topic not in names or not some.size:
-                continue
-            where = block.data, block.start[some], block.size[some]
-            received = block.log_time[some]
-            kind = names[topic]
-            if kind in ("load", "measured"):
-                valid, stamp, fx, fz = messages.decode_wrenches(*where)
-                values = np.column_stack([fz, fx] if kind == "load" else [fx, fz])
-            elif kind == "joint_states":
-                valid, stamp, groups = joints.decode_block(*where)
-                values = np.full((some.size, 1), math.nan)
-                for indices, joint_names, velocities, _ in groups:
-                    if joint in joint_names and joint_names.index(joint) < velocities.shape[1]:
-                        values[indices, 0] = velocities[:, joint_names.index(joint)]
-                    else:
-                        valid[indices] = True
-                has = np.isfinite(values[:, 0]) | ~valid  # others' joints are nothing wrong
-                valid, stamp, values, received = valid[has], stamp[has], values[has], received[has]
-            else:
-                valid, number_ = messages.decode_float64s(*where)
-                stamp = received
-                values = np.column_stack([number_, np.zeros(some.size)][: 2 if kind == "load_force" else 1])
-            unreadable[topic] += int((~valid).sum())
-            target = {"measured": "force", "load": "load", "load_force": "load"}.get(kind, "speed")
-            rows = np.column_stack([(stamp - begin) * 1e-9, (received - begin) * 1e-9, values])
-            rows[stamp == 0, 0] = math.nan
-            pieces[target].append(rows[valid])
-    found: dict[str, tuple[Any, bool]] = {}
-    for name, parts in pieces.items():
-        rows = np.concatenate(parts)
-        stamped = not np.isnan(rows[:, 0]).any()
-        if not stamped:
-            rows[:, 0] = rows[:, 1]
-        found[name] = rows, stamped
-    return found, unreadable
 
 
 # -- what is said -------------------------------------------------------------------------------------------------

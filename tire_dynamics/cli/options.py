@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-__all__ = ["A_BAG", "add_clock", "add_config", "add_output", "add_remap"]
+__all__ = ["A_BAG", "add_clock", "add_config", "add_inputs", "add_joint", "add_output", "add_remap"]
 
 A_BAG = "a rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file"  # in help
 
@@ -19,6 +19,13 @@ def add_config(command: argparse.ArgumentParser, help: str) -> None:
     command.add_argument("--config", metavar="YAML", help=help)
 
 
+def add_inputs(command: argparse.ArgumentParser) -> None:
+    """``--inputs``: a field map."""
+    command.add_argument(
+        "--inputs", metavar="YAML", help="a field map: which field of which message is which input; see config/inputs"
+    )
+
+
 def add_remap(command: argparse.ArgumentParser) -> None:
     """``--remap`` and ``--joint``: where a bag has an input under another name."""
     command.add_argument(
@@ -28,6 +35,11 @@ def add_remap(command: argparse.ArgumentParser) -> None:
         default=[],
         help="take the input from this topic of the bag, as in front_left/load:=/fl/force_torque; may be repeated",
     )
+    add_joint(command)
+
+
+def add_joint(command: argparse.ArgumentParser) -> None:
+    """``--joint``: a wheel's joint under another name."""
     command.add_argument(
         "--joint",
         metavar="WHEEL:=NAME",

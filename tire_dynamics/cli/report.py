@@ -64,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
         remaps=remaps_of(options.remap),
         joints=joints_of(options.joint),
         clock=options.clock,
+        inputs=options.inputs,
         quiet=quiet,
     )
     size = Path(options.output).stat().st_size
@@ -85,6 +86,7 @@ def report(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     clock: str | None = None,
+    inputs: str | os.PathLike[str] | None = None,
     quiet: bool = False,
 ) -> str:
     """Write the page about a bag.
@@ -110,7 +112,7 @@ def report(
         Replace a page that exists.
     remaps : mapping, optional
         Topics of the bag by the inputs that they are to be, for a replay; with them a log is replayed as well.
-    joints, clock
+    joints, clock, inputs
         As :func:`~tire_dynamics.replay.replay.replay` takes them; with them, too, a log is replayed.
     quiet : bool
         Show no progress, not even on a terminal.
@@ -145,10 +147,12 @@ def report(
     from ..report import gather, page, theory
 
     with TemporaryDirectory(prefix="tire_dynamics_") as folder:
-        replayed = config is not None or bool(remaps or joints or clock) or not gather.has_outputs(bag)
+        replayed = config is not None or bool(remaps or joints or clock or inputs) or not gather.has_outputs(bag)
         if replayed:
             log = Path(folder) / "replay"
-            replay(bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock)
+            replay(
+                bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock, inputs=inputs
+            )
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
     known = None

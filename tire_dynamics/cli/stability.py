@@ -36,6 +36,11 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
         action="store_true",
         help="on the road, without lift-off, with the belt's harmonics to --n-max (30)",
     )
+    command.add_argument(
+        "--tongues",
+        action="store_true",
+        help="with a sidewall that is not uniform: every tongue of instability and what opens it; some seconds",
+    )
     uncertainty.add_arguments(command)
     command.add_argument("--json", action="store_true", help="as it is anyway")
 
@@ -58,11 +63,15 @@ def run(options: argparse.Namespace) -> int:
             raise InputError(f"--n-max is {n_max}; it must be from 1 to {most}")
         if options.contact and options.samples is not None:
             raise InputError("--samples is for the tire under a given load; leave --contact out")
+        if options.contact and options.tongues:
+            raise InputError("--tongues is for the tire under a given load; leave --contact out")
         reply = (
             _on_the_road(unit, speed, values["model"], n_max)
             if options.contact
             else stability_reply("wheel", unit, speed, values["model"], n_max)
         )
+        if options.tongues:
+            reply["tongues"] = _tongues(unit, values["model"])
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"--speed-rpm is {options.speed_rpm}: {error}") from None
     if options.samples is not None:
@@ -71,6 +80,25 @@ def run(options: argparse.Namespace) -> int:
         raise InputError("--error belongs to --samples, which is not given")
     print(json.dumps(reply, indent=2))
     return 0
+
+
+def _tongues(unit: TireWheelUnit, model: Any) -> list[dict[str, Any]]:
+    """Every tongue of a unit whose sidewall is not uniform: where it begins, and what opens it."""
+    from ..science import nonuniform
+
+    sidewall = nonuniform.Nonuniformity.of(unit)
+    found = []
+    for resonance in nonuniform.combination_resonances(unit, sidewall, model):
+        threshold = nonuniform.tongue_threshold(unit, sidewall, resonance, model)
+        found.append({
+            "speed_rad_s": resonance.speed,
+            "frequencies_rad_s": list(resonance.frequencies),
+            "growth_1_s": resonance.growth,
+            "scale": None if threshold is None else threshold.scale,
+            "scale_at_rad_s": None if threshold is None else threshold.speed,
+            "scale_first_order": None if math.isnan(resonance.threshold) else resonance.threshold,
+        })  # fmt: skip
+    return found
 
 
 def _on_the_road(unit: TireWheelUnit, speed: float, model: Any, n_max: int) -> dict[str, Any]:

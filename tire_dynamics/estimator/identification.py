@@ -35,7 +35,7 @@ __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recordi
 
 FloatArray = NDArray[np.float64]
 
-_NOT_N_1: Final = "it has no part in n = 1, and nothing but n = 1 reaches the axle"
+_NOT_N_1: Final = "it has no part in n = 1, and a given load reaches the axle through nothing else"
 _ONLY_K_1: Final = "it reaches the axle only within k_1 = pi a b (k_z + k_theta); fit k_1"
 _ONLY_MASS: Final = "it reaches the axle only within the ring's mass and k_1; fit density and k_1"
 UNSEEN: Final[Mapping[str, str]] = {

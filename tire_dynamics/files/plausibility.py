@@ -97,6 +97,11 @@ class Plausibility:
         """Take vertical loads of a wheel [N] at times [ns], later than those taken before."""
         self._add(self._loads, wheel, times, values)
 
+    def sums(self, quantity: str, wheel: str, count: int, total: float, size: float, squares: float) -> None:
+        """Take the sums of many speeds or loads ("speed", "load"): how many, of values, their sizes and squares."""
+        of = self._speeds if quantity == "speed" else self._loads
+        of[wheel] = _Sums(count, total, size, squares)
+
     def _add(self, of: dict[str, _Sums], wheel: str, times: ArrayLike, values: ArrayLike) -> None:
         import numpy as np
 

@@ -40,11 +40,12 @@ class InputDoubts:
         self._seen = Plausibility(weight, unsprung)
         self._recorded = reader.metadata.get(RECORD, {}).get("doubts", "")
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
-        self._inputs = {names["joint_states"]: ("joint_states", "")}
+        self._inputs = {names["joint_states"]: ("joint_states", "")} if "joint_states" in names else {}
         for wheel in values["wheels"]:
             on_road = values["load_source"] == "road"  # of whose heights nothing is odd
             for what in ("wheel_speed",) if on_road else ("wheel_speed", "load", "load_force"):
-                self._inputs[names[f"{wheel}/{what}"]] = what, wheel
+                if (topic := f"{wheel}/{what}") in names:
+                    self._inputs[names[topic]] = what, wheel
         self._decoder = messages.JointStateDecoder()
         self._skip = True  # was the block before
         self._source: dict[tuple[str, str], str] = {}  # the kind of topic by quantity and wheel: the first to come

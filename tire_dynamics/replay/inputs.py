@@ -15,6 +15,7 @@ from ..bag.clock import stamps_of
 from ..bag.fields import OTHER_FIELDS
 from ..cdr import messages
 from ..files.errors import InputError
+from .input_map import sources
 
 __all__ = ["first_reasons", "hint", "reasons"]
 
@@ -65,10 +66,16 @@ class _Tally:
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
         self.sources = {(wheel, what): _Source() for wheel in wheels for what in ("speed", "load")}
         self.joint_names: dict[str, None] = {}  # in the order of their coming
-        self.topics = {names[_JOINTS]: (_JOINTS, "")}
+        self.topics = {names[_JOINTS]: (_JOINTS, "")} if _JOINTS in names else {}
         for wheel in dict.fromkeys(wheel for wheel, _ in self.sources):
             for what in ("wheel_speed", "road_height") if on_road else ("wheel_speed", "load", "load_force"):
-                self.topics[names[f"{wheel}/{what}"]] = what, wheel
+                if (topic := f"{wheel}/{what}") in names:
+                    self.topics[names[topic]] = what, wheel
+        mapped = {source.quantity for source in sources(values)}
+        for (_, what), source in self.sources.items():  # what comes by the field map is not looked at here
+            if what in mapped or what == "load" and on_road and "road_height" in mapped:
+                source.messages += 1
+                source.add(_TAKEN, 1)
         self._decoder = messages.JointStateDecoder()
 
     def add(self, topic: str, log_time: NDArray[np.int64], data: bytes, start: Any, size: Any) -> None:

@@ -296,7 +296,7 @@ class _Reading:
         self.inputs = {
             relative: Input(self.names[relative], kind)
             for relative, kind in input_types(wheels).items()
-            if self.names[relative] in reader.topics
+            if self.names.get(relative) in reader.topics
         }
         self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
@@ -312,7 +312,7 @@ class _Reading:
         edges = np.searchsorted(block.topic[order], np.arange(len(block.topics) + 1))
 
         def of(relative: str) -> IntArray:
-            number = where.get(self.names[relative])
+            number = where.get(self.names.get(relative, ""))
             return np.empty(0, np.int64) if number is None else order[edges[number] : edges[number + 1]]
 
         place = of(LOG_RECORD)

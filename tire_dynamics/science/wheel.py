@@ -122,7 +122,8 @@ def stability(
     contact : bool
         On the road, without lift-off (:func:`.contact.stability`), and not under a load that is given.
     n_max : int
-        Highest belt harmonic on the road; under a given load only n = 1 reaches the wheel.
+        Highest belt harmonic on the road; under a given load, the sidewall being uniform, n = 1 alone reaches the
+        wheel.
 
     Returns
     -------

@@ -70,9 +70,10 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     Notes
     -----
     Complex amplitudes Z = X + i Y turn the rotation into z = Z exp(-i phi), hence z' -> Z' - i Omega Z. In
-    that frame the centrifugal, hoop-tension and Coriolis parts of A_1, B_1, C_1 cancel, so the stiffness does
-    not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
-    circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
+    that frame the centrifugal parts of A_1, B_1, C_1, those of the hoop tension among them, and the Coriolis terms
+    cancel, so the stiffness does not depend on Omega; what the pressure puts into the hoop tension stays. What is left
+    of rotation is the gyroscopic coupling of the complete model and the circulatory term -i d Omega Z of a damper that
+    turns with the ring. docs/model.md has each step.
     """
     system = _builder(model)(unit)
     for matrix in system:
