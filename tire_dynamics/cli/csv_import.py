@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "Makes an input bag of /joint_states and /<wheel>/load from two CSV files, or from one given twice. The line "
         "with the columns' names is found behind whatever stands before it; commas, semicolons, tabs, decimal commas, "
         "a row of units, comments and dates are recognised, and what was is said. A blank cell is no sample; rows that "
-        "cannot be used are left out and counted; rows out of order are sorted by time. What is hardly meant so, such "
-        "as a load in kN, is said. With --forces the bag is replayed at once."
+        "cannot be used are left out and counted; rows out of order are sorted by time. Doubtful values, such as "
+        "a load in kN, are named. With --forces the bag is replayed at once."
     )
     speed = parser.add_argument_group("wheel speeds")
     speed.add_argument("--speed", metavar="FILE", required=True, help="CSV file of the wheel speeds")

@@ -82,7 +82,7 @@ class Table:
     notes : list of str
         What was recognised and how it is taken.
     doubts : list of str
-        What is hardly meant so.
+        Doubtful values, one line each.
     """
 
     path: Path

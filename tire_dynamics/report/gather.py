@@ -15,11 +15,11 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from ..replay.bag_setup import bag_setup, log_record, log_topic
 from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, input_types
-from ..replay.replay import log_record, log_topic, plan
 from ..science.uniformity import Variation
 from .analysis import (
     MEASURED,
@@ -220,7 +220,7 @@ def has_outputs(reader: BagReader) -> bool:
     """Whether a bag is a log that can be reported as it is; ``InputError`` if its record is damaged."""
     if log_topic(reader) is None:
         return False
-    names = plan(reader).names
+    names = bag_setup(reader).names
     forces = [full for name, full in names.items() if name.endswith("/axle_wrench") and full in reader.topics]
     return any(True for _ in reader.messages(forces))
 
@@ -278,7 +278,7 @@ class _Reading:
     """A log on its way through."""
 
     def __init__(self, reader: BagReader) -> None:
-        self.parameters, self.names, log = plan(reader)
+        self.parameters, self.names, log = bag_setup(reader)
         if self.parameters["load_source"] == "road":
             raise InputError(f"{reader.path}: its tires stand on a road; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
