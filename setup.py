@@ -2,6 +2,7 @@ import os
 import re
 import runpy
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from glob import glob
 from pathlib import Path
 
@@ -13,7 +14,8 @@ BUILD_STATE = runpy.run_path("tire_dynamics/build_state.py")
 
 # Sums and products are neither fused nor reordered, whatever CFLAGS say: the same bits everywhere. Nothing here is made
 # for the processor at hand (-march=native), for the same reason.
-FLAGS = ["-O3", "-fno-fast-math", "-ffp-contract=off", "-g0"]  # -g0 halves the time
+FLAGS = ["-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic"]  # as fast as -O3 here, in 3/4 of its compiler's time
+FLAGS += ["-fno-fast-math", "-ffp-contract=off", "-g0"]  # -g0 halves that
 FLAGS_MSVC = ["/O2", "/fp:precise"]
 
 
@@ -41,16 +43,30 @@ class BuildCore(build_ext):
             print(f"{type(error).__name__}: {error}", file=sys.stderr)
             print(BUILD_STATE["how_to_compile"](building=True), file=sys.stderr)
 
-    def build_extension(self, extension):
+    def build_extensions(self):
         if not BUILD_STATE["cython_suits"]():
             raise ModuleNotFoundError("no Cython, or an old one")
         from Cython.Build import cythonize
 
-        extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
-        # The C code goes to build/, not beside its source.
-        [made] = cythonize([extension], build_dir=os.path.join("build", "cython"), force=self.force, quiet=True)
-        extension.sources = made.sources
-        super().build_extension(extension)
+        self.check_extensions_list(self.extensions)
+        build = super().build_extension
+        # The C compiler runs once for each processor, while Cython, which is one thread's, goes on; the longest first.
+        with ThreadPoolExecutor(self.parallel if type(self.parallel) is int else os.cpu_count()) as pool:
+            jobs = []
+            for extension in sorted(self.extensions, key=lambda each: -os.path.getsize(each.sources[0])):
+                extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
+                # The C code goes to build/, not beside its source.
+                [made] = cythonize(
+            [extension],
+            build_dir=os.path.join("build", "cython"),
+            force=self.force,
+            quiet=True,
+            compiler_directives={"show_performance_hints": False},  # whoever installs this reads what is printed
+        )
+                extension.sources = made.sources
+                jobs.append(pool.submit(build, extension))
+            for job in jobs:
+                job.result()
 
 
 def extension(module):

@@ -155,6 +155,8 @@ def report(
             )
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
+    if uncertain and drive.on_road:
+        raise InputError(f"{bag.path}: its tires stand on a road; errors of parameters are for tires under given loads")
     known = None
     if uncertain:
         beside = None if config is None else uncertainty.errors_file(Path(config))

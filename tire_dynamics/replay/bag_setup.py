@@ -12,8 +12,8 @@ from ..cdr import messages
 from ..files.errors import InputError
 from .input_map import mapped_types, sources, without_absent
 from .inputs import first_reasons, hint
-from .parameters import CAR, NODE_NAME, complete, read_config, read_inputs
-from .pipeline import LOG_RECORD, TICK, Pipeline, fixed_inputs
+from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
+from .pipeline import LOG_RECORD, TICK, Pipeline, fixed_inputs, output_types
 
 __all__ = ["BagSetup", "bag_setup", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "remaps_of"]
 
@@ -32,6 +32,7 @@ def bag_setup(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
 ) -> BagSetup:
     """How a bag would be replayed; of its messages only the first log record is read.
 
@@ -44,8 +45,8 @@ def bag_setup(
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
     joints : mapping, optional
         Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
-    inputs : path, optional
-        As :func:`~tire_dynamics.replay.replay.replay` takes it.
+    inputs, vehicle : path, optional
+        As :func:`~tire_dynamics.replay.replay.replay` takes them.
 
     Raises
     ------
@@ -56,9 +57,11 @@ def bag_setup(
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
     given.update(read_inputs(inputs) if inputs is not None else {})
+    given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
         mapped = any(name.startswith("inputs.") and name.endswith(".topic") and given[name] for name in given)
-        given = {**given, "wheels": CAR if mapped else _wheels(reader, remaps)}
+        is_car = mapped or given.get("load_source") == "estimate"
+        given = {**given, "wheels": CAR if is_car else _wheels(reader, remaps)}
     try:
         values = complete(given)
         if joints:
@@ -259,11 +262,10 @@ def _names(
         names[topic] = found[0] if found else f"/{topic}"
         if found and msgtype and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
-    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
-    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
+    kinds = {"road": ("road_height",), "topic": ("load", "load_force")}.get(load_source, ())
     for wheel in wheels:
         loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
-        if not loads and not mapped & {"load", "road_height"}:
+        if kinds and not loads and not mapped & {"load", "road_height"}:
             present = _listed(reader.topics)
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
@@ -271,7 +273,7 @@ def _names(
             )
         ending = loads[0].removeprefix(wheel) if loads else "/"
         beside = names[loads[0]].removesuffix(ending) if loads and names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in outputs:
+        for output in output_types(values):
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})

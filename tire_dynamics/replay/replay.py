@@ -46,6 +46,7 @@ def replay(
     *,
     config: str | PathLike[str] | None = None,
     inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
@@ -65,6 +66,8 @@ def replay(
         log's own, and for any other bag the default, with the wheels that its topics name.
     inputs : path, optional
         A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
+    vehicle : path, optional
+        A car, as :func:`~tire_dynamics.read_vehicle` takes it: its loads are estimated (``load_source: estimate``).
     force : bool
         Replace an output that exists.
     quiet : bool
@@ -93,7 +96,7 @@ def replay(
     """
     reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    how = bag_setup(reader, config, remaps, joints, inputs)
+    how = bag_setup(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
     if log is None:
         check(reader, how)
@@ -226,4 +229,6 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
     else:
         hint = "--config can give a longer input_timeout_s"
     what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    if pipeline.loads is not None:
+        what = "an estimated load"
     return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"

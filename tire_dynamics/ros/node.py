@@ -29,6 +29,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
+from ..estimator.vehicle import modes_on_the_road
 from ..files.errors import InputError, first_line
 from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
@@ -39,6 +40,7 @@ from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
 from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
+from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
 from .qos_overrides import QosOverrides
 from .stop import Stop
@@ -263,6 +265,7 @@ class TireDynamicsNode(LifecycleNode):
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        self._missing: tuple[str, ...] | None = None
         self._time = None
         self._before = self._second = self._present_second()
         try:
@@ -655,7 +658,8 @@ class TireDynamicsNode(LifecycleNode):
         vehicle = self._pipeline.vehicle
         state: tuple[Any, ...] = vehicle.unit, speed, vehicle.settings.model
         if vehicle.wheels.on_road:  # to the rad/s: it takes some tens of milliseconds, and is remembered
-            state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
+            n_max = modes_on_the_road(vehicle.unit, vehicle.settings.n_max)
+            state = vehicle.unit, float(round(speed)), vehicle.settings.model, n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _update_stability(self) -> None:
@@ -698,6 +702,11 @@ class TireDynamicsNode(LifecycleNode):
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
+            if (loads := self._pipeline.loads) is not None:
+                array.status.append(self._status("load estimate", of_loads(loads)))
+                if change := change_of(self._missing, loads):
+                    self.get_logger().warning(change)
+                self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
@@ -747,8 +756,8 @@ class TireDynamicsNode(LifecycleNode):
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
         samples = self._second.samples[index] - self._before.samples[index]
-        hint = self._announcer.misfit
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint)
+        hint, load_source = self._announcer.misfit, self._pipeline.values["load_source"]
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint, load_source)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
