@@ -324,7 +324,7 @@ def test_units_of_loads(do_import, unit, factor):  # noqa: F811
     np.testing.assert_allclose(got, np.array([3000.0, 3100.0]) * factor, rtol=1e-15)
 
 
-# -- what is hardly meant so --------------------------------------------------------------------------------------
+# -- doubtful values ----------------------------------------------------------------------------------------------
 
 
 PLAIN = "t,left,right,a,b"

@@ -1,4 +1,4 @@
-"""Speeds and loads that are hardly meant so: said by a replay and in a report, and replayed all the same."""
+"""Doubtful speeds and loads: named by a replay and in a report, and replayed all the same."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64
 from tire_dynamics.cli.main import main
 from tire_dynamics.files.plausibility import GRAVITY, RECORD
+from tire_dynamics.replay.bag_setup import bag_setup
 from tire_dynamics.replay.doubts import InputDoubts
-from tire_dynamics.replay.replay import plan
 from tire_dynamics.report.findings import summary
 from tire_dynamics.report.gather import gather
 
@@ -110,7 +110,7 @@ def test_of_a_long_bag_every_other_block_is_looked_at_in_part(tmp_path, config):
     """A wheel that stands in the first blocks and turns in the next is not said to stand."""
     still, turning = write(tmp_path / "still", SPEED * [1.0, 0.0]), write(tmp_path / "turning")
     reader = BagReader(still)
-    values, names, _ = plan(reader, config)
+    values, names, _ = bag_setup(reader, config)
     seen = InputDoubts(reader, values, names)
     [block] = reader.blocks()
     fields = "topic", "log_time", "publish_time", "start", "size"

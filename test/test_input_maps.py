@@ -14,9 +14,10 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.files.errors import InputError
+from tire_dynamics.replay.bag_setup import bag_setup, pipeline_of
 from tire_dynamics.replay.parameters import PARAMETERS, complete, read_inputs
 from tire_dynamics.replay.pipeline import Pipeline
-from tire_dynamics.replay.replay import pipeline_of, plan, replay
+from tire_dynamics.replay.replay import replay
 
 MAPS = Path(__file__).parents[1] / "config" / "inputs"
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
@@ -232,7 +233,7 @@ def test_a_map_is_short_and_only_a_map(name):
 def test_a_map_reads_what_its_stack_publishes(name, bags):
     """Every number, of the bytes in the bag, by the definition in the bag."""
     reader = BagReader(bags / name)
-    how = plan(reader, inputs=MAPS / f"{name}.yaml")
+    how = bag_setup(reader, inputs=MAPS / f"{name}.yaml")
     pipeline, got = pipeline_of(reader, how), {}
     pipeline.set_sink(lambda quantity, wheel, stamp, received, values: got.setdefault(quantity, (stamp, values)))
     relative = {full: topic for topic, full in how.names.items()}

@@ -9,7 +9,7 @@ import pytest
 
 from tire_dynamics.bag import BagReader
 from tire_dynamics.cli.main import main
-from tire_dynamics.replay.replay import pipeline_of, plan
+from tire_dynamics.replay.bag_setup import bag_setup, pipeline_of
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 HEAD = "/**:\n  ros__parameters:\n    inputs:\n"
@@ -65,7 +65,7 @@ def test_every_quantity_in_its_unit(folder, capsys):
     assert main([*written(folder, text), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["rows"] == {"/speed": 200, "/imu": 200, "/travel": 200, "/load": 200}
     reader = BagReader(folder / "bag")
-    how = plan(reader)
+    how = bag_setup(reader)
     pipeline, got = pipeline_of(reader, how), {}
     pipeline.set_sink(lambda name, wheel, stamp, received, values: got.setdefault(name, []).append((stamp, values)))
     for topic, _, received, _, data in reader.messages():

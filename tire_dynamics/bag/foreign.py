@@ -232,9 +232,9 @@ class Ros1File(ForeignFile):
         with self._reading() as reader:
             if not reader.chunk_infos and self._place.stat().st_size > 2**14:
                 raise DamageError("it has no index; rosbag reindex makes it readable")
-            told: Counter[int] = Counter()
+            counted: Counter[int] = Counter()
             for info in reader.chunk_infos:
-                told.update(info.connection_counts)
+                counted.update(info.connection_counts)
                 if info.connection_counts:
                     self.start, self.end = min(self.start, info.start_time), max(self.end, info.end_time - 1)
             store, known = _jazzy(), dict[tuple[str, str], bool]()
@@ -246,7 +246,7 @@ class Ros1File(ForeignFile):
                 if known[kind, definition] and kind not in self._definitions:
                     self._definitions[kind] = store.generate_msgdef(kind, ros_version=2)[0]
                 self.channels[connection.id] = topic, kind, "cdr" if known[kind, definition] else "ros1"
-                self.counts[connection.id] = told[connection.id]
+                self.counts[connection.id] = counted[connection.id]
                 latched = getattr(connection.ext, "latching", None)
                 self.qos[connection.id] = _LATCHED if latched else ""
             self._store = store

@@ -5,6 +5,9 @@ every length is checked before it is believed, a file without its end is read as
 chunk or a few, whatever the length of the bag.
 
 A span is a piece of a file that holds whole records: a chunk, or a run of messages outside chunks.
+
+The file is long because the reader of a bag, the walk through one MCAP file and the order of messages across chunks
+share one state: what has been declared, where the spans are, and what was found damaged.
 """
 
 from __future__ import annotations
@@ -303,24 +306,24 @@ class BagReader:
         routes = [file.routes(wanted, numbers) for file in self._files]
         spans = np.concatenate([np.array(file.spans, np.uint64).reshape(-1, 3) for file in self._files])
         owner = np.repeat(np.arange(len(self._files)), [len(file.spans) // 3 for file in self._files])
-        stretch = _Stretch(tuple(self.topics))
+        pending = _Pending(tuple(self.topics))
         for place in range(len(spans)) if in_file_order else np.argsort(spans[:, 0]):
             start, offset, length = (int(number) for number in spans[place])
             file = self._files[owner[place]]
-            stretch.release(None if in_file_order else start)  # what is still to come begins at start or later
-            if stretch.ready >= least or stretch.full:
-                yield from stretch.take()
+            pending.release(None if in_file_order else start)  # what is still to come begins at start or later
+            if pending.ready >= least or pending.full:
+                yield from pending.take()
             try:
                 with reading(file.path):
                     data, rows = file.read(offset, length, routes[owner[place]])
-                    stretch.add(data, rows, int(place))
+                    pending.add(data, rows, int(place))
                     if not in_file_order:
-                        stretch.sort(start)
+                        pending.sort(start)
             except InputError as error:
-                yield from stretch.take()
+                yield from pending.take()
                 raise InputError(f"{error}; tire-dynamics recover keeps what is whole") from None
-        stretch.release(None)
-        yield from stretch.take()
+        pending.release(None)
+        yield from pending.take()
 
     def _foreign_blocks(
         self, wanted: Collection[str] | None, numbers: Mapping[str, int], in_file_order: bool, least: int
@@ -352,7 +355,7 @@ def _block(rows: Sequence[tuple[str, int, bytes]], topics: Iterable[str], number
     return Block(tuple(topics), topic, log_time, log_time.copy(), b"".join(data), np.cumsum(size) - size, size)
 
 
-class _Stretch:
+class _Pending:
     """Messages that have been read: those of the next block, and those held back until their turn is known."""
 
     def __init__(self, topics: tuple[str, ...]) -> None:
@@ -442,7 +445,7 @@ class _BagFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count, self.start, self.end = 0, _NO_TIME, 0
         self.damage = ""
-        self.counts: dict[int, int] | None = {}  # messages by channel, None if they are not told
+        self.counts: dict[int, int] | None = {}  # messages by channel, None if they are not known
         self.qos: dict[int, str] = {}  # by channel, if there is room
         self._room = _MAX_QOS
         self.chunks: Counter[str] = Counter()  # by compression
@@ -642,7 +645,7 @@ class _BagFile:
                     if opcode == Opcode.CHUNK_INDEX:
                         _, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
                         index = np.frombuffer(content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size], _INDEX_PLACE)
-                        if not size:  # not told
+                        if not size:  # not known
                             return everywhere
                         if np.isin(index["channel"], list(channels)).any():
                             found.append((offset, length))

@@ -83,7 +83,7 @@ class Declared(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """A stretch of the file that cannot be used; ``messages`` if there may have been messages in it."""
+    """A part of the file that cannot be used; ``messages`` if there may have been messages in it."""
 
     offset: int
     length: int
@@ -205,7 +205,7 @@ class Salvage:
         self.reasons[reason if known else "other damage"] += 1
 
     def _lose(self, start: int, end: int) -> None:
-        """Give up a stretch of the file."""
+        """Give up a part of the file."""
         pieces = self._pieces
         if pieces and pieces[-3] in (_LOST, _LOST_BEHIND) and pieces[-2] == start:  # it goes on
             self.bytes_lost -= pieces[-1]

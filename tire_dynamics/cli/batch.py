@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 from ..bag.writer import check_replaceable, remove_bag
 from ..files.errors import InputError
 from ..files.progress import Progress
+from ..replay.bag_setup import joints_of, remaps_of
 from ..replay.jobs import Failure, workers
 from ..replay.parameters import read_car, read_config, read_inputs
-from ..replay.replay import joints_of, remaps_of, replay
+from ..replay.replay import replay
 from .answer import answer, printable
 
 __all__ = ["run"]

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["RECORD", "add_arguments", "run"]
 
 
-_TURNING = {"rad/s": (1.0, ""), "rpm": (math.pi / 30.0, " * pi/30"), "rev/s": (2.0 * math.pi, " * 2 pi")}
-_TURNING["deg/s"] = (math.pi / 180.0, " * pi/180")
+_ANGULAR = {"rad/s": (1.0, ""), "rpm": (math.pi / 30.0, " * pi/30"), "rev/s": (2.0 * math.pi, " * 2 pi")}
+_ANGULAR["deg/s"] = (math.pi / 180.0, " * pi/180")
 _ROLLING = {"m/s": (1.0, ""), "km/h": (1.0 / 3.6, " / 3.6"), "mph": (0.44704, " * 0.44704")}
 _FORCES = {"N": (1.0, ""), "kN": (1e3, " * 1000"), "daN": (10.0, " * 10"), "lbf": (4.4482216152605, " * 4.44822")}
 _FORCES["kgf"] = (GRAVITY, f" * {GRAVITY}")
@@ -36,26 +36,20 @@ _ACCELERATIONS = {"m/s^2": (1.0, ""), "g": (GRAVITY, f" * {GRAVITY}")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Makes an input bag of /joint_states and /<wheel>/load from two CSV files, or from one given twice. The line "
         "with the columns' names is found behind whatever stands before it; commas, semicolons, tabs, decimal commas, "
         "a row of units, comments and dates are recognised, and what was is said. A blank cell is no sample; rows that "
-        "cannot be used are left out and counted; rows out of order are sorted by time. What is hardly meant so, such "
-        "as a load in kN, is said. With --forces the bag is replayed at once."
+        "cannot be used are left out and counted; rows out of order are sorted by time. Doubtful values, such as "
+        "a load in kN, are named. With --forces the bag is replayed at once."
     )
     speed = parser.add_argument_group("wheel speeds")
     speed.add_argument("--speed", metavar="FILE", help="CSV file of the wheel speeds")
     speed.add_argument("--speed-columns", metavar="WHEEL=COLUMN", nargs="+", help="each wheel and its column")
     speed.add_argument(
         "--speed-unit",
-        choices=(*_TURNING, *_ROLLING),
+        choices=(*_ANGULAR, *_ROLLING),
         help="default: what the header says, else rad/s",
     )
     speed.add_argument("--rolling-radius", metavar="M", type=float, help="[m], to make rad/s of m/s, km/h or mph")
@@ -298,8 +292,8 @@ def _load_columns(pairs: Sequence[str], wheels: Sequence[str]) -> dict[str, str]
 
 def _angular_speeds(options: argparse.Namespace, unit: str, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
     """Speeds [rad/s] of speeds in the file's unit."""
-    if unit in _TURNING:
-        return speeds if unit == "rad/s" else speeds * _TURNING[unit][0]
+    if unit in _ANGULAR:
+        return speeds if unit == "rad/s" else speeds * _ANGULAR[unit][0]
     return (speeds if unit == "m/s" else speeds * _ROLLING[unit][0]) / options.rolling_radius
 
 
@@ -319,7 +313,7 @@ def _formulas(options: argparse.Namespace, speed_unit: str, load_unit: str) -> t
     if radius is not None:
         speed = f"speed [{speed_unit}]{_ROLLING[speed_unit][1]} / {radius:g} m, the rolling radius"
     else:
-        speed = f"speed [{speed_unit}]{_TURNING[speed_unit][1]}"
+        speed = f"speed [{speed_unit}]{_ANGULAR[speed_unit][1]}"
     if load_unit in _ACCELERATIONS:
         acceleration = f"|acceleration [{load_unit}]|{_ACCELERATIONS[load_unit][1]}"
         load = f"{mass:g} kg * {acceleration}, an estimate from the mass that the corner carries"

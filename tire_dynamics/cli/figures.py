@@ -24,13 +24,7 @@ FIGURES = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Redraws Figures 3 to 7 of Huang and Hsu (1992) from Table 1, and draws the same with dashpots that react "
         "on the wheel, a Campbell diagram, the Floquet multipliers, the tongues of a sidewall that is not uniform, "

@@ -19,13 +19,7 @@ __all__ = ["add_arguments", "run", "yaml_of"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Takes the rigid ring of an MF-Tyre/MF-Swift property file (BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP, "
         "DAMP_LONG, with WIDTH, INFLPRES and VERTICAL_STIFFNESS where they are) and writes a unit for --config. What "

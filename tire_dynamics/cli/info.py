@@ -19,10 +19,10 @@ from ..bag import BagReader
 from ..bag.files import MCAP
 from ..bag.writer import offered_qos
 from ..files.errors import InputError
+from ..replay.bag_setup import bag_setup, check, joints_of, log_record, log_topic, pipeline_of, remaps_of
 from ..replay.input_map import mapped_types
 from ..replay.parameters import complete
 from ..replay.pipeline import fixed_inputs
-from ..replay.replay import check, joints_of, log_record, log_topic, pipeline_of, plan, remaps_of
 from .answer import plain, printable
 
 __all__ = ["info", "run"]
@@ -148,7 +148,7 @@ def _replay(
 ) -> dict[str, Any]:
     """Whether it can be replayed as it is."""
     try:
-        how = plan(reader, remaps=remaps, joints=joints, inputs=inputs)
+        how = bag_setup(reader, remaps=remaps, joints=joints, inputs=inputs)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}

@@ -42,13 +42,7 @@ _MOST_IN_PICTURE = 4000  # points of a line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Estimates the load of each of four tires from an IMU, the springs' travel, hub accelerations and wheel "
         "speeds, or from those of them that IN has, and writes the loads with their standard deviations (loads.csv) "

@@ -116,7 +116,7 @@ def _write(options: argparse.Namespace, tables: Mapping[str, Table], made: Mappi
     import numpy as np
 
     from ..bag import BagWriter
-    from ..replay.replay import MAP_RECORD
+    from ..replay.bag_setup import MAP_RECORD
 
     record = {MAP_RECORD: {"parameters": json.dumps(made)}}
     times = np.concatenate([table.times for table in tables.values()])

@@ -34,7 +34,8 @@ def run(options: argparse.Namespace) -> int:
         _say_if_slow()
 
         return UNUSABLE if batch.run(options) else 0
-    from ..replay.replay import joints_of, remaps_of, replay
+    from ..replay.bag_setup import joints_of, remaps_of
+    from ..replay.replay import replay
 
     _say_if_slow()
     [source] = options.input

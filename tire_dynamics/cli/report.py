@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
 
     ``InputError``: as :func:`report` does.
     """
-    from ..replay.replay import joints_of, remaps_of
+    from ..replay.bag_setup import joints_of, remaps_of
     from .answer import answer
 
     quiet = options.quiet or options.json

@@ -29,13 +29,7 @@ RPM = math.pi / 30.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "How a load or a traction that varies as a sine arrives at the axle of a wheel that turns at a constant "
         "speed: amplitude ratio and phase of both axle forces over frequency. Draws Bode plots as PNG and writes the "

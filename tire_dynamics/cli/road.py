@@ -33,13 +33,7 @@ MAX_SPEED = 150.0  # [m/s]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Makes an input bag of /joint_states and /<wheel>/road_height [m]: a random road of a class of ISO 8608, "
         "cleats, steps, or a profile from a CSV file over distance, all of which add up, driven over at a speed. Rear "

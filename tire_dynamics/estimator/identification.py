@@ -114,8 +114,8 @@ def identify(
        H1(f), over the standard deviation |H1| sqrt((1 - coherence)/(2 coherence segments)) of H1, give a first
        estimate, for several delays.
     2. Least squares on the force through :func:`.simulate`, at the times of measurement less the delay. The noise is
-       whitened: an autoregression, of an order by Akaike's criterion, is fitted to what the model leaves, stretch by
-       stretch, and its prediction errors are what is squared (generalised least squares). Fit and noise take turns
+       whitened: an autoregression, of an order by Akaike's criterion, is fitted to what the model leaves, section by
+       section, and its prediction errors are what is squared (generalised least squares). Fit and noise take turns
        until the estimates rest. After a gap the model begins in the steady state; what is measured before it has
        forgotten that is left out.
 

@@ -45,7 +45,7 @@ cdef class Wheels:
     cdef void take_height(
         self, Py_ssize_t wheel, long long received, long long stamp, double height
     ) noexcept nogil
-    cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef bint axle_force_and_norm(self, Py_ssize_t wheel, double speed) noexcept nogil
     cdef void deflect(self, Py_ssize_t wheel) noexcept nogil
     cdef void go_to(self, long long stamp) noexcept nogil
     cdef void follow(self, Py_ssize_t wheel, long long stamp) noexcept nogil

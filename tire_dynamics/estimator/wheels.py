@@ -379,7 +379,7 @@ class Wheels:
             self.turn[w] = turn
             self.has_turn[w] = 1
             self.follow(w, stamp)
-            if not self.read(w, self.schedule.values[4 * w] if self.schedule.has[2 * w] else 0.0):
+            if not self.axle_force_and_norm(w, self.schedule.values[4 * w] if self.schedule.has[2 * w] else 0.0):
                 if self.schedule.running[w]:
                     self.schedule.running[w] = 0
                     self.schedule.diverged[w] = 1
@@ -391,11 +391,11 @@ class Wheels:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def read(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
+    def axle_force_and_norm(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
         """The axle's force into ``motion``; whether the state is bounded."""
         if self.on_road:
-            return self.road.read(wheel, speed)
-        return self.motion.read(wheel, speed)
+            return self.road.axle_force_and_norm(wheel, speed)
+        return self.motion.axle_force_and_norm(wheel, speed)
 
     @cython.cfunc
     @cython.nogil

@@ -335,32 +335,34 @@ def tongues(table: Table) -> Figure:
     for ax, zeta in zip(axes.flat, TONGUE_ZETA, strict=True):
         radius = np.array([table[f"spectral_radius_zeta_{zeta}_eps_{value:.4f}"] for value in TONGUE_EPS])
         shade = ax.contourf(speed, eps, radius, levels=levels, cmap="YlOrRd", extend="max")
-        for tip in tongue_unit(zeta)[1]:
-            if tip.threshold < eps[-1]:
-                _tip(ax, tip, eps)
+        for resonance in tongue_unit(zeta)[1]:
+            if resonance.threshold < eps[-1]:
+                _draw_resonance(ax, resonance, eps)
         if zeta:
             lowest = np.array([each for each in tongue_thresholds(zeta) if each[1] < eps[-1]])
             ax.plot(lowest[:, 0] / RPM, lowest[:, 1], color="0", marker="x", linestyle="none", markersize=4.5, zorder=5)
         ax.grid(False)
         ax.set(xlim=(0, 7000), ylim=(0.0, eps[-1]), ylabel=r"Stiffness $k_1(1 \pm \varepsilon)$: $\varepsilon$ [-]")
         ax.set_title("Without damping" if zeta == 0.0 else rf"$\zeta_1 = \zeta_s = {zeta}$", loc="left")
-    modes = dict(zip(np.unique([tip.frequencies for tip in tongue_unit(0.0)[1]]), MODE_NAMES.values(), strict=True))
-    for tip in tongue_unit(0.0)[1]:
-        text = " + ".join(modes[frequency].removeprefix("ring ") for frequency in tip.frequencies)
-        axes[0, 0].text(tip.speed / RPM - 235.0, 0.006, text, rotation=90, ha="center", va="bottom", fontsize=7.0)
+    modes = dict(
+        zip(np.unique([resonance.frequencies for resonance in tongue_unit(0.0)[1]]), MODE_NAMES.values(), strict=True)
+    )
+    for resonance in tongue_unit(0.0)[1]:
+        text = " + ".join(modes[frequency].removeprefix("ring ") for frequency in resonance.frequencies)
+        axes[0, 0].text(resonance.speed / RPM - 235.0, 0.006, text, rotation=90, ha="center", va="bottom", fontsize=7.0)
     axes[-1, 0].set_xlabel("Speed [rpm]")
     bar = figure.colorbar(shade, ax=list(axes.flat), aspect=40, pad=0.02, ticks=levels[::5])
     bar.set_label(r"Largest multiplier of a turn, $|\mu|$ [-]")
     return figure
 
 
-def _tip(ax: Axes, tip: CombinationResonance, eps: FloatArray) -> None:
+def _draw_resonance(ax: Axes, resonance: CombinationResonance, eps: FloatArray) -> None:
     """Where a tongue is predicted to begin, and its sides."""
-    ax.plot(tip.speed / RPM, tip.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
-    above = np.append(tip.threshold, eps[eps > tip.threshold])
-    reach = tip.growth * np.sqrt(above**2 - tip.threshold**2) / RPM
+    ax.plot(resonance.speed / RPM, resonance.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
+    above = np.append(resonance.threshold, eps[eps > resonance.threshold])
+    reach = resonance.growth * np.sqrt(above**2 - resonance.threshold**2) / RPM
     for side in (-reach, reach):
-        ax.plot(tip.speed / RPM + side, above, color="0.2", linewidth=0.7, linestyle="--")
+        ax.plot(resonance.speed / RPM + side, above, color="0.2", linewidth=0.7, linestyle="--")
 
 
 def _panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:

@@ -234,8 +234,11 @@ def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[CombinationResonance,
     """Table 1 with this damping, and where its tongues begin; growth per eps [1/s], thresholds as eps."""
     unit = TireWheelUnit.table_1(zeta_1=zeta, zeta_s=zeta)
     some = 0.01
-    tips = combination_resonances(unit, sidewall(some))
-    return unit, tuple(tip._replace(growth=tip.growth / some, threshold=tip.threshold * some) for tip in tips)
+    resonances = combination_resonances(unit, sidewall(some))
+    return unit, tuple(
+        resonance._replace(growth=resonance.growth / some, threshold=resonance.threshold * some)
+        for resonance in resonances
+    )
 
 
 def tongue_thresholds(zeta: float) -> list[tuple[float, float]]:
@@ -243,7 +246,9 @@ def tongue_thresholds(zeta: float) -> list[tuple[float, float]]:
     some = 0.01
     unit, _ = tongue_unit(zeta)
     each = combination_resonances(unit, sidewall(some))
-    found = [tongue_threshold(unit, sidewall(some), tip) for tip in each if tip.threshold * some < 0.5]
+    found = [
+        tongue_threshold(unit, sidewall(some), resonance) for resonance in each if resonance.threshold * some < 0.5
+    ]
     return [(lowest.speed, lowest.scale * some) for lowest in found if lowest is not None]
 
 

@@ -336,7 +336,7 @@ def _notes(file: TirFile, belt: float, estimates: Mapping[str, Estimate]) -> Ite
         yield f"the tire is {whole:g} kg, of which {whole - belt:.4g} kg beside the belt belong to the wheel's mass"
 
 
-# What tools write that were told nothing of the belt, in SI units.
+# What tools write that know nothing of the belt, in SI units.
 _DEFAULTS = {"BELT_MASS": 7.0, "BELT_IYY": 0.6, "FREQ_LONG": 80.0, "FREQ_WINDUP": 70.0, "DAMP_LONG": 0.04}
 _SHARES: Sequence[tuple[str, str, float]] = (("BELT_MASS", "MASS", 0.5), ("BELT_IYY", "IYY", 0.4))
 

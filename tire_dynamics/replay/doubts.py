@@ -29,7 +29,7 @@ class InputDoubts:
     reader : BagReader
         Of the bag that the inputs come from: what its import found doubtful stands in it.
     values, names : mapping
-        As of a :class:`~tire_dynamics.replay.replay.Plan`. What a wheel carries at rest is known by a
+        As of a :class:`~tire_dynamics.replay.bag_setup.BagSetup`. What a wheel carries at rest is known by a
         ``tire.sprung_mass``; without, it is more than wheel and tire weigh.
     """
 

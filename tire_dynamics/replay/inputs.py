@@ -193,7 +193,7 @@ def first_reasons(reader: BagReader, values: Mapping[str, Any], names: Mapping[s
     ----------
     reader : BagReader
     values, names
-        As of a :class:`~tire_dynamics.replay.replay.Plan`.
+        As of a :class:`~tire_dynamics.replay.bag_setup.BagSetup`.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def reasons(
     ----------
     reader : BagReader
     values, names
-        As of a :class:`~tire_dynamics.replay.replay.Plan`.
+        As of a :class:`~tire_dynamics.replay.bag_setup.BagSetup`.
     wheels : iterable of str
         Those that had none.
 

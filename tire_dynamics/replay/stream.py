@@ -3,6 +3,9 @@
 
 The layouts are those of :mod:`.messages`, whose decoders and encoders this module asks for everything that is rare:
 what is not little-endian, joint names that are new, and each encoder's message, of which only the numbers change.
+
+The file is long because it is one compiled class: from a message's bytes through the wheels to an output's bytes there
+is no call of Python, and the loops over many messages call what single messages call.
 """
 
 from __future__ import annotations

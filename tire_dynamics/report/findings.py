@@ -204,7 +204,7 @@ def _setting(drive: Drive) -> list[Finding]:
     found = []
     if drive.parameters["tire.sidewall_damping"] == "modal":
         text = (
-            "tire.sidewall_damping is modal, the paper's: a turning tire passes on less than the load, and pushes the "
+            "tire.sidewall_damping is modal, the paper's: a rotating tire passes on less than the load, and pushes the "
         )
         text += "axle forward with no traction at all. For a vehicle use reaction."
         found.append(Finding("note", text))

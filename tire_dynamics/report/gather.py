@@ -15,12 +15,12 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from ..replay.bag_setup import bag_setup, log_record, log_topic, pipeline_of
 from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
 from ..replay.mapped_messages import MappedMessages
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, fixed_inputs
-from ..replay.replay import log_record, log_topic, pipeline_of, plan
 from ..science.uniformity import Variation
 from .analysis import (
     MEASURED,
@@ -44,7 +44,7 @@ IntArray = NDArray[np.int64]
 CURVES = ("load_z", "axle_z", "load_x", "axle_x", "speed")
 BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels together
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
-BEYOND = 1e15  # [N]: no force of an estimator, which gives up long before; a stranger's log may have any
+BEYOND = 1e15  # [N]: no force of an estimator, which marks itself diverged long before; a stranger's log may have any
 MOST_GAPS = 1000  # of each wheel that are listed one by one
 ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
@@ -102,7 +102,7 @@ class Wheel:
         self.first = self.last = math.nan
         self.intervals = Intervals()
         self.angle = WheelAngle(timeout)
-        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by stretch
+        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by segment
         self._held = HeldInput()
         self._before: tuple[float, float] | None = None  # tick and force
 
@@ -148,14 +148,14 @@ class Wheel:
 
     def take_forces_by_angle(self, tick: FloatArray, force: FloatArray) -> None:
         """Take axle forces (T, 2) at ticks, for their harmonics over the wheel's angle."""
-        angle, speed, stretch = self.angle.at(tick)
+        angle, speed, segment = self.angle.at(tick)
         rolling = np.abs(speed) >= ROLLING
-        for number in np.unique(stretch[rolling]).tolist():
+        for number in np.unique(segment[rolling]).tolist():
             if number not in self._orders:  # of those whose zero is their own, only the longest is of use
                 longest = max(self._orders, key=lambda key: self._orders[key][0].turns, default=MEASURED)
                 self._orders = {key: some for key, some in self._orders.items() if key in (MEASURED, longest)}
                 self._orders[number] = Orders(), Orders()
-            some = rolling & (stretch == number)
+            some = rolling & (segment == number)
             for orders, column in zip(self._orders[number], force.T, strict=True):
                 orders.add(angle[some], column[some])
 
@@ -166,7 +166,7 @@ class Wheel:
 
     @property
     def orders(self) -> tuple[Orders, Orders] | None:
-        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest stretch; if any."""
+        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest segment; if any."""
         if self.measured:
             return self._orders[MEASURED]
         return max(self._orders.values(), key=lambda some: some[0].turns, default=None)
@@ -231,7 +231,7 @@ def has_outputs(reader: BagReader) -> bool:
     """Whether a bag is a log that can be reported as it is; ``InputError`` if its record is damaged."""
     if log_topic(reader) is None:
         return False
-    names = plan(reader).names
+    names = bag_setup(reader).names
     forces = [full for name, full in names.items() if name.endswith("/axle_wrench") and full in reader.topics]
     return any(True for _ in reader.messages(forces))
 
@@ -289,7 +289,7 @@ class _Reading:
     """A log on its way through."""
 
     def __init__(self, reader: BagReader) -> None:
-        self.parameters, self.names, log = how = plan(reader)
+        self.parameters, self.names, log = how = bag_setup(reader)
         if self.parameters["load_source"] == "estimate":
             raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None

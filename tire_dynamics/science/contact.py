@@ -265,7 +265,7 @@ def standing(system: ContactSystem, load: float) -> tuple[FloatArray, float, flo
 
 
 def is_varying(unit: TireWheelUnit) -> bool:
-    """Whether the sidewall's stiffness varies around the tire: on the road its equations then are periodic for good."""
+    """Whether the sidewall's stiffness varies around the tire: then its equations on the road have no constant form."""
     return bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
 
 
