@@ -31,17 +31,30 @@ FILES = {
 }
 
 
+SECTIONS = {
+    "DIMENSION": ("UNLOADED_RADIUS", "WIDTH", "RIM_RADIUS"),
+    "OPERATING_CONDITIONS": ("INFLPRES",),
+    "INERTIA": ("MASS", "IYY", "BELT_MASS", "BELT_IYY"),
+    "VERTICAL": ("VERTICAL_STIFFNESS",),
+    "STRUCTURAL": ("FREQ_LONG", "FREQ_WINDUP", "DAMP_LONG"),
+}
+
+
 def file_of(folder, values):
     lines = ["[UNITS]", "LENGTH='meter'", "MASS='kg'", "FORCE='newton'", "TIME='second'", "[MODEL]", "FITTYP = 62"]
+    for section, keys in SECTIONS.items():
+        lines += [f"[{section}]", *(f"{key} = {values[key]!r}" for key in keys)]
     path = folder / "tire.tir"
-    path.write_text("\n".join([*lines, "[DIMENSION]", *(f"{key} = {value!r}" for key, value in values.items())]) + "\n")
+    path.write_text("\n".join(lines) + "\n")
     return path
 
 
 def unit_of(name, folder):
     if name == "Table 1":
         return TABLE_1.replace(vertical_stiffness=2e5)
-    return read_tir_unit(file_of(folder, FILES[name]), **SAME, zeta_s=0.05)
+    unit = read_tir_unit(file_of(folder, FILES[name]), **SAME, zeta_s=0.05)
+    assert unit.vertical_stiffness == FILES[name]["VERTICAL_STIFFNESS"]
+    return unit
 
 
 def found(unit):
