@@ -17,7 +17,7 @@ from ..bag.writer import check_replaceable, remove_bag
 from ..files.errors import InputError
 from ..files.progress import Progress
 from ..replay.jobs import Failure, workers
-from ..replay.parameters import read_config, read_inputs
+from ..replay.parameters import read_car, read_config, read_inputs
 from ..replay.replay import joints_of, remaps_of, replay
 from .answer import answer, printable
 
@@ -32,6 +32,7 @@ class _Task(NamedTuple):
     staging: str
     config: str | None
     inputs: str | None
+    vehicle: str | None
     remaps: dict[str, str]
     joints: dict[str, str]
     clock: str | None
@@ -60,11 +61,14 @@ def run(options: argparse.Namespace) -> int:
         read_config(options.config)  # what is wrong with it is said once
     if options.inputs:
         read_inputs(options.inputs)
+    if options.vehicle:
+        read_car(options.vehicle)
     remaps, joints = remaps_of(options.remap), joints_of(options.joint)
     with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
-        config, inputs = (os.path.abspath(path) if path else None for path in (options.config, options.inputs))
+        files = (options.config, options.inputs, options.vehicle)
+        config, inputs, vehicle = (os.path.abspath(path) if path else None for path in files)
         tasks = [
-            _Task(os.path.abspath(source), output.name, staging, config, inputs, remaps, joints, options.clock)
+            _Task(os.path.abspath(source), output.name, staging, config, inputs, vehicle, remaps, joints, options.clock)
             for source, output in outputs
         ]
         with closing(pool.each(_replay_one, tasks)) as results:
@@ -124,6 +128,7 @@ def _replay_one(task: _Task) -> _Done:
         Path(own) / task.name,
         config=task.config,
         inputs=task.inputs,
+        vehicle=task.vehicle,
         quiet=True,
         remaps=task.remaps,
         joints=task.joints,

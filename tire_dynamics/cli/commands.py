@@ -100,6 +100,7 @@ def _declare(commands: Commands) -> None:
             ("replay monday/* -o logs --jobs 4", "many bags in four processes"),
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
             ("replay drive -o out --inputs config/inputs/av21.yaml", "where messages are others"),
+            ("replay drive -o out --vehicle config/car.yaml", "without loads: they are estimated"),
         ),
     )
     replay.add_arguments(command)

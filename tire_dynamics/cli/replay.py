@@ -20,6 +20,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
     add_inputs(command)
+    command.add_argument("--vehicle", metavar="YAML", help="a car, whose loads are estimated; see config/car.yaml")
     add_remap(command)
     add_clock(command)
     jobs.add_arguments(command, "the bags")
@@ -42,6 +43,7 @@ def run(options: argparse.Namespace) -> int:
         options.output,
         config=options.config,
         inputs=options.inputs,
+        vehicle=options.vehicle,
         force=options.force,
         quiet=options.quiet,
         remaps=remaps_of(options.remap),

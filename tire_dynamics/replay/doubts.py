@@ -42,8 +42,8 @@ class InputDoubts:
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
         self._inputs = {names["joint_states"]: ("joint_states", "")} if "joint_states" in names else {}
         for wheel in values["wheels"]:
-            on_road = values["load_source"] == "road"  # of whose heights nothing is odd
-            for what in ("wheel_speed",) if on_road else ("wheel_speed", "load", "load_force"):
+            given = values["load_source"] == "topic"  # of a road's heights nothing is odd
+            for what in ("wheel_speed", "load", "load_force") if given else ("wheel_speed",):
                 if (topic := f"{wheel}/{what}") in names:
                     self._inputs[names[topic]] = what, wheel
         self._decoder = messages.JointStateDecoder()

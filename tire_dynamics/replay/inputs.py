@@ -26,6 +26,11 @@ _JOINTS = "joint_states"
 
 _OTHER_CLOCK = "stamps and times of receipt are of different clocks"
 _TAKEN = "taken"
+_TOPICS = {
+    "topic": ("wheel_speed", "load", "load_force"),
+    "road": ("wheel_speed", "road_height"),
+    "estimate": ("wheel_speed",),
+}
 
 
 class _Source:
@@ -68,12 +73,13 @@ class _Tally:
         self.joint_names: dict[str, None] = {}  # in the order of their coming
         self.topics = {names[_JOINTS]: (_JOINTS, "")} if _JOINTS in names else {}
         for wheel in dict.fromkeys(wheel for wheel, _ in self.sources):
-            for what in ("wheel_speed", "road_height") if on_road else ("wheel_speed", "load", "load_force"):
+            for what in _TOPICS[values["load_source"]]:
                 if (topic := f"{wheel}/{what}") in names:
                     self.topics[names[topic]] = what, wheel
         mapped = {source.quantity for source in sources(values)}
         for (_, what), source in self.sources.items():  # what comes by the field map is not looked at here
-            if what in mapped or what == "load" and on_road and "road_height" in mapped:
+            estimated = values["load_source"] == "estimate" or on_road and "road_height" in mapped
+            if what in mapped or what == "load" and estimated:
                 source.messages += 1
                 source.add(_TAKEN, 1)
         self._decoder = messages.JointStateDecoder()

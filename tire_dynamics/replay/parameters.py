@@ -11,16 +11,19 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Literal
 
+from ..estimator.load_equations import SensorNoise
 from ..estimator.vehicle import VehicleSettings
+from ..estimator.vehicle_parameters import VehicleParameters
 from ..files.errors import InputError
+from ..files.vehicle_file import read_vehicle
 from ..files.yaml_file import read_yaml
 from ..science.contact_points import ContactPoints
 from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
 from .input_map import QUANTITIES, sources
 
 __all__ = [
-    "CAR", "PARAMETERS", "Parameter", "complete", "is_of_every_node", "read_config", "read_inputs", "unit_of",
-    "vehicle_settings",
+    "CAR", "PARAMETERS", "Parameter", "car_of", "complete", "is_of_every_node", "noise_of", "read_car", "read_config",
+    "read_inputs", "unit_of", "vehicle_settings",
 ]  # fmt: skip
 
 NODE_NAME = "tire_dynamics"
@@ -191,6 +194,32 @@ def _input_parameters() -> Iterator[Parameter]:
             )
 
 
+def _car_parameters() -> Iterator[Parameter]:
+    """A car, and the noise of its sensors, for loads that are estimated."""
+    for field in dataclasses.fields(VehicleParameters):
+        what = f"with load_source estimate: {field.metadata['meaning']} [{field.metadata['unit']}]"
+        if field.metadata["count"] == 1:
+            yield Parameter(f"vehicle.{field.name}", "double", 0.0, f"{what}; 0: not given", 0.0, 1e9)
+        else:
+            many = f"{field.metadata['count']} numbers"
+            yield Parameter(f"vehicle.{field.name}", "double[]", (), f"{what}; {many}")
+    for name, default in vars(SensorNoise()).items():
+        what = f"with load_source estimate: {_NOISE[name]}, one standard deviation"
+        yield Parameter(f"sensor_noise.{name}", "double", default, what, 1e-9, 1e3)
+
+
+_NOISE = {
+    "acceleration": "white noise of the IMU's accelerations [m/s^2]",
+    "angular_rate": "white noise of the IMU's rates [rad/s]",
+    "acceleration_bias": "constant error of the IMU's accelerations [m/s^2]",
+    "angular_rate_bias": "constant error of the IMU's rates [rad/s]",
+    "travel": "noise of a travel [m]",
+    "hub_acceleration": "noise of a hub's acceleration [m/s^2]",
+    "speed_slope": "what slope and bank add to what wheel speeds tell, without an IMU [m/s^2]",
+    "mass": "error of the sprung mass, over the mass",
+    "tip": "error of the lever of the body's weight as it leans, over the lever",
+}
+
 _SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -202,7 +231,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
     Parameter("model", "string", "inextensional", "model of the belt", choices=("inextensional", "complete")),
-    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
+    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road", "estimate")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
     Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
     Parameter("contact_points", "integer", 1, "on the road: points of the contact along the patch", 1, 50),
@@ -214,6 +243,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
     Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
     Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
+    *_car_parameters(),
+    Parameter("axle_wrench_covariance", "boolean", False, "with load_source estimate: covariances of the axle forces"),
     Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
@@ -290,6 +321,8 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
     unit = unit_of(whole)
     if whole["load_source"] == "road":
         _check_road(whole, unit)
+    if whole["load_source"] == "estimate":
+        _check_estimate(whole)
     for name in HARMONICS:  # without those of no amplitude
         whole[f"tire.{name}"] = tuple(float(number) for each in getattr(unit, name) for number in each)
     return whole
@@ -309,6 +342,35 @@ def _check_road(values: Mapping[str, Any], unit: TireWheelUnit) -> None:
         ContactPoints(unit, values["contact_points"], values["model"], values["n_max"])
     except ValueError as error:
         raise ValueError(str(error) if str(error).startswith("contact_points") else f"tire.{error}") from None
+
+
+def _check_estimate(values: Mapping[str, Any]) -> None:
+    if len(values["wheels"]) != 4:
+        raise ValueError(
+            f"wheels has {len(values['wheels'])} names; with load_source 'estimate' it must have those of a car: front "
+            "left, front right, rear left, rear right"
+        )
+    for name in ("load", "road_height"):
+        if values[f"inputs.{name}.topic"]:
+            raise ValueError(f"inputs.{name}.topic is given; with load_source 'estimate' the loads are estimated")
+    car_of(values)
+
+
+def car_of(values: Mapping[str, Any]) -> VehicleParameters:
+    """The car that the ``vehicle.*`` parameters describe; ``ValueError`` names what is wrong, or what is missing."""
+    fields = {name.removeprefix("vehicle."): value for name, value in values.items() if name.startswith("vehicle.")}
+    given = {name: value for name, value in fields.items() if value not in (0.0, ())}
+    try:
+        return VehicleParameters.from_mapping(given)
+    except ValueError as error:
+        named = str(error).split(" ")[0].split("[")[0] in fields
+        raise ValueError(f"vehicle.{error}" if named else f"vehicle.*: {error}") from None
+
+
+def noise_of(values: Mapping[str, Any]) -> SensorNoise:
+    """The noise of the sensors that the ``sensor_noise.*`` parameters describe."""
+    names = [name for name in values if name.startswith("sensor_noise.")]
+    return SensorNoise(**{name.removeprefix("sensor_noise."): values[name] for name in names})
 
 
 def _suggestion(name: str) -> str:
@@ -410,6 +472,32 @@ def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
     return values
+
+
+def read_car(path: str | PathLike[str]) -> dict[str, Any]:
+    """Parameters that have loads estimated, with the car of a YAML file such as ``config/car.yaml``.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+        ``load_source`` and ``vehicle.*``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a field is unknown, missing or out of bounds.
+    """
+    try:
+        car = read_vehicle(path).to_mapping()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return {"load_source": "estimate", **{f"vehicle.{name}": value for name, value in car.items()}}
 
 
 def _read(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:

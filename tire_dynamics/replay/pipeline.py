@@ -16,7 +16,8 @@ from ..cdr import messages
 from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
 from .input_map import QUANTITIES, MapError, MappedTopic, mapped_topics, mapped_types, sources
-from .parameters import complete, unit_of, vehicle_settings
+from .load_source import LoadSource
+from .parameters import car_of, complete, noise_of, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream, Sink
 
 __all__ = [
@@ -29,6 +30,7 @@ __all__ = [
     "fixed_inputs",
     "input_types",
     "is_input",
+    "output_types",
 ]
 
 IntArray = NDArray[np.int64]
@@ -50,6 +52,7 @@ def input_types(wheels: tuple[str, ...], load_source: str = "topic") -> dict[str
         types[f"{wheel}/wheel_speed"] = messages.FLOAT64
         if load_source == "road":
             types[f"{wheel}/road_height"] = messages.FLOAT64
+        if load_source != "topic":
             continue
         types[f"{wheel}/load"] = messages.WRENCH_STAMPED
         types[f"{wheel}/load_force"] = messages.FLOAT64
@@ -65,6 +68,23 @@ def fixed_inputs(values: Mapping[str, Any]) -> dict[str, str]:
     without = {name for quantity, names in replaced.items() if quantity in mapped for name in names}
     types = input_types(tuple(values["wheels"]), values["load_source"])
     return {topic: kind for topic, kind in types.items() if topic.rpartition("/")[2] not in without}
+
+
+def output_types(values: Mapping[str, Any]) -> dict[str, str]:
+    """Types of each wheel's outputs by the last part of their names, in their order."""
+    types = {
+        "axle_wrench": messages.WRENCH_STAMPED,
+        "ring_deflection": messages.FLOAT64_MULTI_ARRAY,
+        "ring_shape": messages.POINT_CLOUD,
+    }
+    if values["load_source"] == "road":
+        types["contact_load"] = messages.WRENCH_STAMPED
+    if values["load_source"] == "estimate":
+        types["load_estimate"] = messages.WRENCH_STAMPED
+        types["load_standard_deviation"] = messages.FLOAT64
+        if values["axle_wrench_covariance"]:
+            types["axle_wrench_covariance"] = messages.FLOAT64_MULTI_ARRAY
+    return types
 
 
 def is_input(topic: str) -> bool:
@@ -122,6 +142,8 @@ class Pipeline:
         Message type by the topic's name: relative, or of a mapped topic as the parameters have it.
     definitions : dict
         Of the types of mapped topics.
+    loads : LoadSource or None
+        Where the loads are estimated.
     """
 
     def __init__(
@@ -142,18 +164,25 @@ class Pipeline:
         mapped = mapped_topics(self.values, self.definitions, kinds)
         self.definitions = {kind: self.definitions[kind] for kind in kinds.values()}
         self.outputs = {
-            f"{wheel}/{name}": kind
-            for wheel in settings.wheels
-            for name, kind in (
-                ("axle_wrench", messages.WRENCH_STAMPED),
-                ("ring_deflection", messages.FLOAT64_MULTI_ARRAY),
-                ("ring_shape", messages.POINT_CLOUD),
-                *((("contact_load", messages.WRENCH_STAMPED),) if self.vehicle.wheels.on_road else ()),
-            )
+            f"{wheel}/{name}": kind for wheel in settings.wheels for name, kind in output_types(self.values).items()
         }
+        self.loads: LoadSource | None = None
+        has_covariance = self.values["axle_wrench_covariance"]
+        if self.values["load_source"] == "estimate":
+            quantities = {source.quantity for source in sources(self.values)}
+            car, noise = car_of(self.values), noise_of(self.values)
+            self.loads = LoadSource(car, noise, self.vehicle, has_covariance, quantities)
         self._stream = MessageStream(
-            self.vehicle.wheels, settings.joint_names, self.values["frame_ids"], settings.ring_samples, mapped
+            self.vehicle.wheels,
+            settings.joint_names,
+            self.values["frame_ids"],
+            settings.ring_samples,
+            mapped,
+            None if self.loads is None else self.loads.estimate,
+            has_covariance,
         )
+        if self.loads is not None:
+            self.set_sink(self.loads.take)
         every = list(input_types(settings.wheels, self.values["load_source"]))
         self._numbers = {topic: every.index(topic) for topic in self.inputs}
         for number, topic in enumerate(mapped):
@@ -283,6 +312,8 @@ class Pipeline:
         self.vehicle.restore(record["vehicle"])
         if "held" in record:
             self._stream.hold(record["held"])
+        if self.loads is not None:
+            self.loads.restore(record["loads"])
 
     def record(self, topics: Mapping[str, str], dropped: Mapping[str, int] | None = None) -> bytes:
         """The log record that lets a replay continue from here: parameters, state, and the topics' full names.
@@ -296,4 +327,6 @@ class Pipeline:
         }
         if self._stream.mapped:
             content["held"] = self._stream.held()
+        if self.loads is not None:
+            content["loads"] = self.loads.snapshot()
         return messages.encode_string(json.dumps({**content, "dropped": dict(dropped or {})}))

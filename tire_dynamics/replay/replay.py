@@ -23,8 +23,8 @@ from .doubts import InputDoubts
 from .input_map import mapped_types, sources, without_absent
 from .input_watch import doubts_of, watched
 from .inputs import first_reasons, hint, reasons
-from .parameters import CAR, NODE_NAME, complete, read_config, read_inputs
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs
+from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs, output_types
 
 __all__ = [
     "MAP_RECORD",
@@ -61,6 +61,7 @@ def replay(
     *,
     config: str | PathLike[str] | None = None,
     inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
@@ -80,6 +81,8 @@ def replay(
         log's own, and for any other bag the default, with the wheels that its topics name.
     inputs : path, optional
         A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
+    vehicle : path, optional
+        A car, as :func:`~tire_dynamics.read_vehicle` takes it: its loads are estimated (``load_source: estimate``).
     force : bool
         Replace an output that exists.
     quiet : bool
@@ -108,7 +111,7 @@ def replay(
     """
     reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    how = plan(reader, config, remaps, joints, inputs)
+    how = plan(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
     if log is None:
         check(reader, how)
@@ -148,6 +151,7 @@ def plan(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
 ) -> Plan:
     """How a bag would be replayed; of its messages only the first log record is read.
 
@@ -160,8 +164,8 @@ def plan(
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
     joints : mapping, optional
         Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
-    inputs : path, optional
-        As :func:`replay` takes it.
+    inputs, vehicle : path, optional
+        As :func:`replay` takes them.
 
     Raises
     ------
@@ -174,9 +178,11 @@ def plan(
     if log is None and (own := _own_map(reader)):
         given = {**own, **given}
     given.update(read_inputs(inputs) if inputs is not None else {})
+    given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
         mapped = any(name.startswith("inputs.") and name.endswith(".topic") and given[name] for name in given)
-        given = {**given, "wheels": CAR if mapped else _wheels(reader, remaps)}
+        is_car = mapped or given.get("load_source") == "estimate"
+        given = {**given, "wheels": CAR if is_car else _wheels(reader, remaps)}
     try:
         values = complete(given)
         if joints:
@@ -385,6 +391,8 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
     else:
         hint = "--config can give a longer input_timeout_s"
     what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    if pipeline.loads is not None:
+        what = "an estimated load"
     return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"
 
 
@@ -502,11 +510,10 @@ def _names(
         names[topic] = found[0] if found else f"/{topic}"
         if found and msgtype and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
-    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
-    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
+    kinds = {"road": ("road_height",), "topic": ("load", "load_force")}.get(load_source, ())
     for wheel in wheels:
         loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
-        if not loads and not mapped & {"load", "road_height"}:
+        if kinds and not loads and not mapped & {"load", "road_height"}:
             present = _listed(reader.topics)
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
@@ -514,7 +521,7 @@ def _names(
             )
         ending = loads[0].removeprefix(wheel) if loads else "/"
         beside = names[loads[0]].removesuffix(ending) if loads and names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in outputs:
+        for output in output_types(values):
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})

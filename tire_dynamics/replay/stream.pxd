@@ -54,6 +54,15 @@ cdef class MessageStream:
     cdef double[::1] sums
     cdef readonly long long[::1] empty_counts
     cdef readonly list mapped
+    cdef object estimator
+    cdef bint estimates
+    cdef bint has_covariance
+    cdef bint has_estimate
+    cdef Py_ssize_t first_estimate
+    cdef double[::1] estimated
+    cdef double[::1] axle_variance
+    cdef unsigned char[::1] number
+    cdef unsigned char[::1] covariance
 
     cdef bint take(
         self, Py_ssize_t topic, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
@@ -85,3 +94,6 @@ cdef class MessageStream:
         self, Py_ssize_t quantity, Py_ssize_t wheel, long long received, long long stamp
     ) noexcept nogil
     cdef void offer_one(self, Py_ssize_t wheel, long long received, double value) noexcept nogil
+    cdef void estimate(self, long long stamp) noexcept nogil
+    cdef void put_estimate(self, Py_ssize_t wheel, long long stamp, Py_ssize_t head) noexcept nogil
+    cdef void put_bytes(self, unsigned char[::1] data, Py_ssize_t topic, Py_ssize_t head) noexcept nogil

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,9 @@ TICKS, IGNORED = -1, -2
 
 Sink = Callable[[str, "int | None", int, int, "tuple[float, ...]"], object]
 """Takes a sample: quantity, wheel (None: values of all), stamp and time of receipt [ns], values."""
+
+Estimator = Callable[[int], "tuple[list[float], list[float], list[float] | None] | None"]
+"""Gives the loads of a tick [ns], their standard deviations, and the covariances of the axle forces."""
 
 MESSAGE_HEAD = 31
 """Bytes before a message in an MCAP file: opcode, length, channel, sequence, log time, publish time."""
@@ -171,14 +175,20 @@ class MessageStream:
         P, the angles of the belt.
     mapped : sequence of MappedTopic
         What comes by the field map; the numbers of these topics are behind those of the inputs.
+    estimator : callable, optional
+        Where loads are estimated: given the time of a tick [ns], it returns the load of each wheel and its standard
+        deviation [N], and xx, xz and zz of each axle force's covariance [N^2] or None; or None if it has none.
+    has_covariance : bool
+        Whether the axle forces' covariances are outputs.
 
     Attributes
     ----------
     inputs : list of str
         What each input's number stands for: "joint_states", then "wheel_speed", "load" and "load_force" of each wheel;
-        on the road "wheel_speed" and "road_height". Mapped topics are not in it.
+        on the road "wheel_speed" and "road_height", with an estimator "wheel_speed" alone. Mapped topics are not in it.
     outputs : list of str
-        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel; on the road "contact_load" too.
+        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel; on the road "contact_load" too, with
+        an estimator "load_estimate" and "load_standard_deviation", and "axle_wrench_covariance" if it is wanted.
     no_velocity : int
         JointStates whose velocities are not one per name, which were refused.
     """
@@ -190,11 +200,24 @@ class MessageStream:
         frames: Sequence[str],
         samples: int,
         mapped: Sequence[MappedTopic] = (),
+        estimator: Estimator | None = None,
+        has_covariance: bool = False,
     ) -> None:
         self.wheels, self.joints = wheels, tuple(joints)
         self.on_road = wheels.on_road
-        kinds = ("wheel_speed", "road_height") if self.on_road else ("wheel_speed", "load", "load_force")
-        results = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * self.on_road)
+        self.estimator, self.estimates, self.has_covariance = estimator, estimator is not None, has_covariance
+        kinds: tuple[str, ...] = ("wheel_speed", "load", "load_force")
+        results: tuple[str, ...] = ("axle_wrench", "ring_deflection", "ring_shape")
+        self.first_estimate = len(results)
+        if self.on_road:
+            kinds, results = ("wheel_speed", "road_height"), (*results, "contact_load")
+        elif estimator is not None:
+            kinds, results = ("wheel_speed",), (*results, "load_estimate", "load_standard_deviation")
+            results = (*results, *("axle_wrench_covariance",) * has_covariance)
+        self.has_estimate = False
+        self.estimated, self.axle_variance = np.zeros(2 * wheels.count).data, np.zeros(3 * wheels.count).data
+        self.number = _bytes(messages.encode_float64(0.0))
+        self.covariance = _bytes(messages.CovarianceEncoder().encode(np.zeros((6, 6))))
         self.kinds, self.results = len(kinds), len(results)
         self.inputs = ["joint_states", *kinds * wheels.count]
         self.outputs = [*results * wheels.count]
@@ -215,10 +238,11 @@ class MessageStream:
         self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
         self.along = np.stack([sine, cosine], axis=1).reshape(-1).data
         self.radius, self.scale = 0.0, 1.0
-        self.most = 2 * len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 4 * _HEAD)
+        self.most = 2 * len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 6 * _HEAD)
+        self.most += wheels.count * (len(self.number) + len(self.covariance))
         self.out = memoryview(bytearray(2 * self.most))
         self.used = self.messages = 0
-        self.begin, self.topic = (np.zeros(4 * wheels.count, dtype=np.int64).data for _ in range(2))
+        self.begin, self.topic = (np.zeros(self.results * wheels.count, dtype=np.int64).data for _ in range(2))
 
     def _prepare(self, mapped: list[MappedTopic]) -> None:
         """What is needed of the field map, as numbers."""
@@ -641,15 +665,70 @@ class MessageStream:
     def put_forces(self, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
         """The axle_wrench of each wheel in motion behind what is in ``out``, with room for a head before each.
 
-        On the road each wheel's contact_load comes behind it.
+        On the road each wheel's contact_load comes behind it; before them the loads that were estimated.
         """
         w: cython.Py_ssize_t
         for w in range(self.wheels.count):
+            if self.has_estimate:
+                self.put_estimate(w, stamp, head)
             if not self.wheels.schedule.running[w]:
                 continue
             self.put_wrench(w, self.results * w, stamp, head, self.wheels.force[2 * w], self.wheels.force[2 * w + 1])
             if self.on_road:
                 self.put_wrench(w, self.results * w + 3, stamp, head, 0.0, self.wheels.road.contact[w])
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def estimate(self, stamp: cython.longlong) -> cython.void:
+        """Ask for the loads of a tick, before it: they hold from then on."""
+        with cython.gil:
+            self._ask(stamp)
+
+    def _ask(self, stamp: int) -> None:
+        assert self.estimator is not None
+        found = self.estimator(stamp)
+        self.has_estimate = found is not None
+        if found is None:
+            return
+        loads, deviations, variances = found
+        for w in range(self.wheels.count):
+            self.estimated[2 * w], self.estimated[2 * w + 1] = loads[w], deviations[w]
+            self.wheels.add_load(w, stamp, stamp, loads[w], self.last_traction[w])
+        known: Any = [_NAN] * (3 * self.wheels.count) if variances is None else variances
+        for k in range(3 * self.wheels.count):
+            self.axle_variance[k] = known[k]
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_estimate(self, wheel: cython.Py_ssize_t, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
+        """The load of a wheel as it was estimated, its standard deviation, and what that makes of the axle's force."""
+        at: cython.Py_ssize_t
+        topic: cython.Py_ssize_t = self.results * wheel + self.first_estimate
+        self.put_wrench(wheel, topic, stamp, head, 0.0, self.estimated[2 * wheel])
+        put_double(self.number, 4, self.estimated[2 * wheel + 1])
+        self.put_bytes(self.number, topic + 1, head)
+        if self.has_covariance and self.wheels.schedule.running[wheel]:
+            if self.axle_variance[3 * wheel] == self.axle_variance[3 * wheel]:
+                at = self.covariance.shape[0] - 8 * 36  # force x and force z are the first and the third of six
+                put_double(self.covariance, at, self.axle_variance[3 * wheel])
+                put_double(self.covariance, at + 16, self.axle_variance[3 * wheel + 1])
+                put_double(self.covariance, at + 96, self.axle_variance[3 * wheel + 1])
+                put_double(self.covariance, at + 112, self.axle_variance[3 * wheel + 2])
+                self.put_bytes(self.covariance, topic + 2, head)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_bytes(self, data: cython.uchar[::1], topic: cython.Py_ssize_t, head: cython.Py_ssize_t) -> cython.void:
+        size: cython.Py_ssize_t = data.shape[0]
+        at: cython.Py_ssize_t = self.used + head
+        copy(self.out, at, data, 0, size)
+        self.begin[self.messages] = at
+        self.topic[self.messages] = topic
+        self.messages += 1
+        self.used = at + size
 
     @cython.cfunc
     @cython.nogil
@@ -734,6 +813,8 @@ class MessageStream:
             The time is outside ROS time.
         """
         messages.check_time(stamp)
+        if self.estimates:
+            self.estimate(stamp)
         self.wheels.go_to(stamp)
         self.used = self.messages = 0
         self.put_forces(stamp, 0)
@@ -852,6 +933,8 @@ class MessageStream:
                     if self.out.shape[0] - self.used - left < self.most:
                         with cython.gil:
                             self._widen(left + self.most)
+                    if self.estimates:
+                        self.estimate(tick[event])
                     self.wheels.go_to(tick[event])
                     self.messages = 0
                     self.put_forces(tick[event], _HEAD)

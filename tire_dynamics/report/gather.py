@@ -290,6 +290,8 @@ class _Reading:
 
     def __init__(self, reader: BagReader) -> None:
         self.parameters, self.names, log = how = plan(reader)
+        if self.parameters["load_source"] == "estimate":
+            raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
         self.begin = reader.start_ns
         self.duration = max((reader.end_ns - reader.start_ns) * 1e-9, 1e-9)

@@ -40,6 +40,7 @@ from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
 from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
+from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
 from .qos_overrides import QosOverrides
 from .stop import Stop
@@ -264,6 +265,7 @@ class TireDynamicsNode(LifecycleNode):
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        self._missing: tuple[str, ...] | None = None
         self._time = None
         self._before = self._second = self._present_second()
         try:
@@ -700,6 +702,11 @@ class TireDynamicsNode(LifecycleNode):
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
+            if (loads := self._pipeline.loads) is not None:
+                array.status.append(self._status("load estimate", of_loads(loads)))
+                if change := change_of(self._missing, loads):
+                    self.get_logger().warning(change)
+                self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
@@ -749,8 +756,8 @@ class TireDynamicsNode(LifecycleNode):
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
         samples = self._second.samples[index] - self._before.samples[index]
-        hint = self._announcer.misfit
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint)
+        hint, load_source = self._announcer.misfit, self._pipeline.values["load_source"]
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint, load_source)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
