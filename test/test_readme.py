@@ -81,7 +81,7 @@ def test_a_csv_file(tmp_path):
 
 
 def test_an_imu_and_wheel_speeds_alone(tmp_path):
-    """The load that speeding up moves from front to rear, m a h/L; roughly, for this body does not pitch as a car's does."""
+    """The load that speeding up moves to the rear, m a h/L; roughly, for this body does not pitch as a car's does."""
     (tmp_path / "config").symlink_to(REPOSITORY / "config")
     for language, content in blocks("README.md", "With an IMU and wheel speeds alone"):
         run(language, content, tmp_path)
