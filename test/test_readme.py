@@ -14,6 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tire_dynamics import read_vehicle
+from tire_dynamics.bag import BagReader
+from tire_dynamics.cdr.messages import decode_wrench
+
 pytestmark = pytest.mark.slow
 
 REPOSITORY = Path(__file__).parents[1]
@@ -74,6 +78,26 @@ def test_a_csv_file(tmp_path):
     )
     assert behind == pytest.approx(1e-3 * np.gradient(axle["force_z_n"], axle["time_s"]).std(), rel=0.1)
     assert apart < 0.2 * behind
+
+
+def test_an_imu_and_wheel_speeds_alone(tmp_path):
+    """The load that speeding up moves to the rear, m a h/L; roughly, for this body does not pitch as a car's does."""
+    (tmp_path / "config").symlink_to(REPOSITORY / "config")
+    for language, content in blocks("README.md", "With an IMU and wheel speeds alone"):
+        run(language, content, tmp_path)
+    found = {}
+    for topic, _, _, stamp, data in BagReader(tmp_path / "car_forces").messages(
+        [f"/{wheel}/load_estimate" for wheel in ("front_left", "rear_left")]
+    ):
+        found.setdefault(topic, []).append((stamp * 1e-9, decode_wrench(data).fz))
+    front, rear = (np.array(found[f"/{wheel}/load_estimate"]) for wheel in ("front_left", "rear_left"))
+    late = front[:, 0] > front[0, 0] + 5.0
+    along = 2.0 * np.sin(0.5 * front[late, 0])
+    moved = np.polyfit(along, front[late, 1] - rear[late, 1], 1)[0]  # both axles' change, of one side [kg]
+    car = read_vehicle(REPOSITORY / "config" / "car.yaml")
+    mass, unsprung = car.sprung_mass, sum(car.unsprung_masses)
+    height = (mass * car.cg_height + unsprung * car.unsprung_height) / (mass + unsprung)
+    assert moved == pytest.approx(-(mass + unsprung) * height / car.wheelbase, rel=0.3)
 
 
 def test_the_numbers_of_the_paper(tmp_path):
