@@ -24,6 +24,9 @@ from tire_dynamics_msgs.srv import FloquetStability
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.bag import BagReader
 from tire_dynamics.bag.definitions import HASHES
+from tire_dynamics.cdr import messages
+from tire_dynamics.replay.pipeline import Pipeline
+from tire_dynamics.ros.typed import WheelStates
 
 REPOSITORY = Path(__file__).parents[2]
 SPEED, LOAD = 60.0, 4000.0
@@ -55,6 +58,32 @@ def test_the_state_of_a_wheel_has_fields(bench):
     assert state.stability.verdict == Stability.ASYMPTOTICALLY_STABLE
     assert numbers(state.stability.multipliers) == in_order(judged.multipliers)
     assert list(state.stability.spectral_radius) == [judged.spectral_radius]
+
+
+def test_what_is_known_of_a_load_that_is_estimated_is_in_the_fields(bench):
+    """Deviation and covariance as the outputs of the same moment have them."""
+    one = bench()
+    peer = one.peer
+    states = WheelStates(["wheel"], ["axle"], lambda topic, kind, depth: peer.create_publisher(kind, topic, depth))
+    received = []
+    one.peer.create_subscription(WheelState, "wheel/state", received.append, 10)
+    matrix = np.arange(36.0).reshape(6, 6)
+    known = {
+        "wheel/load_standard_deviation": messages.encode_float64(50.0),
+        "wheel/axle_wrench_covariance": messages.CovarianceEncoder().encode(matrix),
+    }
+
+    def publish(stamp: int, produced: dict[str, bytes]) -> bool:
+        states.publish(0, stamp, Pipeline({}).vehicle, {}, produced)
+        return any(message.header.stamp.sec == stamp // 10**9 for message in received)
+
+    one.until(lambda: publish(7 * 10**9, known), "a state")
+    one.until(lambda: publish(8 * 10**9, {}), "another")
+    by_time = {message.header.stamp.sec: message for message in received}
+    assert by_time[7].load_variance == 2500.0
+    assert by_time[7].force_covariance.tolist() == matrix[:3, :3].ravel().tolist()
+    assert by_time[7].stability.verdict == Stability.UNKNOWN
+    assert by_time[8].load_variance == 0.0 and not by_time[8].force_covariance.any()
 
 
 def test_the_service_has_the_fields_of_the_json(bench):

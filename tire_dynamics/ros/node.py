@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -557,7 +557,7 @@ class TireDynamicsNode(LifecycleNode):
         for topic, data in belts:
             self._outputs[topic].publish(data)
         if belts:
-            self._show(stamp, belts)
+            self._show(stamp, belts, dict(produced))
         produced += belts
         self._ticks += 1
         self._step_times.append(time.perf_counter() - started)
@@ -569,7 +569,7 @@ class TireDynamicsNode(LifecycleNode):
                 else:  # a replay has no outputs for a tick that is not in the log
                     self._journal.drop(topic)
 
-    def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
+    def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]], produced: Mapping[str, bytes]) -> None:
         """Markers and state of the wheels whose belts have come, where somebody looks at them."""
         scale, vehicle = self._pipeline.values["marker_force_scale"], self._pipeline.vehicle
         shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
@@ -582,7 +582,7 @@ class TireDynamicsNode(LifecycleNode):
                 markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
             if data is not None and self._wheel_states is not None:
-                self._wheel_states.publish(index, stamp, vehicle, self._stabilities[index])
+                self._wheel_states.publish(index, stamp, vehicle, self._stabilities[index], produced)
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.

@@ -6,8 +6,11 @@ from array import array
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.type_support import check_for_type_support
 
+from ..cdr.messages import decode_float64, decode_multi_array
 from ..cdr.primitives import sec_nanosec
 from ..estimator.vehicle import Vehicle
 from ..files.errors import first_line
@@ -75,6 +78,12 @@ def _complex_numbers(parts: Sequence[Sequence[float]]) -> list[Any]:
     return [Complex(real=float(real), imaginary=float(imaginary)) for real, imaginary in parts]
 
 
+def _force_covariance(data: bytes) -> NDArray[np.float64]:
+    """Of force x, y, z, from the 6 x 6 of forces and torques."""
+    _, values = decode_multi_array(data)
+    return values.reshape(6, 6)[:3, :3].ravel()
+
+
 class WheelStates:
     """Publishes the state of each wheel, where somebody listens.
 
@@ -98,7 +107,9 @@ class WheelStates:
             message.header.frame_id = frame
         self._shown: list[Mapping[str, Any] | None] = [None] * len(self._messages)  # the stability in each
 
-    def publish(self, index: int, stamp: int, vehicle: Vehicle, stability: Mapping[str, Any]) -> None:
+    def publish(
+        self, index: int, stamp: int, vehicle: Vehicle, stability: Mapping[str, Any], produced: Mapping[str, bytes]
+    ) -> None:
         """Publish the state of a wheel.
 
         Parameters
@@ -110,6 +121,9 @@ class WheelStates:
         vehicle : Vehicle
         stability : mapping
             The last stability reply; empty before the first.
+        produced : mapping
+            The other outputs of that moment by their relative names: an estimated load's deviation, and what that makes
+            of the axle's force, are among them where they are known.
         """
         if not self._publishers[index].get_subscription_count():
             return
@@ -118,6 +132,10 @@ class WheelStates:
         message.speed = float(inputs.speed)
         message.force.x, message.force.z = map(float, vehicle.wheels.force_of(index))
         message.load, message.traction = map(float, inputs.load)
+        deviation = produced.get(f"{message.wheel}/load_standard_deviation")
+        message.load_variance = 0.0 if deviation is None else decode_float64(deviation) ** 2
+        covariance = produced.get(f"{message.wheel}/axle_wrench_covariance")
+        message.force_covariance = np.zeros(9) if covariance is None else _force_covariance(covariance)
         if self._shown[index] is not stability:
             self._shown[index], message.stability = stability, self._stability()
             fill_stability(message.stability, stability)
