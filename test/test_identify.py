@@ -504,7 +504,7 @@ def test_what_has_nothing_in_common_is_refused(tmp_path, capsys, load, force, la
         (["--fit", ","], "at least one"),
         (["--prior-width", "0"], "prior_width is 0"),
         (["--from", "9"], "--from is 9"),
-        (["--to", "0.4"], "no stretch"),
+        (["--to", "0.4"], "no section"),
         (["--wheel-mass", "3"], "belong to a --start"),
         (["-o", "unit.txt"], "must end in .yaml"),
         (["-o", "/nowhere/unit.yaml"], "no such folder"),

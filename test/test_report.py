@@ -967,7 +967,7 @@ def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path
     constant(tmp_path / "in", 0.1, begin=BEGIN + SECOND, speed=20.0)
     assert called("report", tmp_path / "in", "-o", tmp_path / "page.html").returncode == 0
     with opened(browser, tmp_path / "page.html", "phone") as view:
-        assert "No stretch of outputs is long enough" in view.inner_text("#spectra")
+        assert "No segment of outputs is long enough" in view.inner_text("#spectra")
         assert (
             "wheel: 0.29 turns above 10 rpm" in view.inner_text("#variation")
             and not view.locator("#plot-variation").count()

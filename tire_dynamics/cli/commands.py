@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from .node import NODE_EXAMPLES
-from .options import A_BAG, add_clock, add_joint, add_output, add_remap
+from .options import A_BAG, add_clock, add_inputs, add_joint, add_output, add_remap
 from .usage import Commands
 
 __all__ = ["all_commands"]
@@ -41,6 +41,7 @@ def _declare(commands: Commands) -> None:
         response,
         road,
         stability,
+        watch,
     )
     from . import map as map_
 
@@ -50,6 +51,21 @@ def _declare(commands: Commands) -> None:
         help="the live node; ROS arguments follow",
         examples=NODE_EXAMPLES,
     )
+
+    command = commands.add(
+        "live",
+        "watch",
+        help="a running node on this terminal: forces, stability, log",
+        description="Shows a running node, until Ctrl-C: what its wheels carry and do to their axles, stability, "
+        "ticks, the log, and what it says on /rosout. For machines without RViz.",
+        examples=(
+            ("watch", "the node that is there"),
+            ("watch --node /red/tire_dynamics", "one of two"),
+            ("watch --once", "once, for a file or a pipe"),
+        ),
+    )
+    watch.add_arguments(command)
+    command.set_defaults(run=watch.run)
 
     command = commands.add(
         _BAGS,
@@ -65,6 +81,7 @@ def _declare(commands: Commands) -> None:
         ),
     )
     command.add_argument("input", metavar="BAG", help=A_BAG)
+    add_inputs(command)
     add_remap(command)
     add_clock(command)
     answer.add_arguments(command, quiet=False)
@@ -82,6 +99,8 @@ def _declare(commands: Commands) -> None:
             ("replay drive -o drive_log --config config/vehicle.yaml --force", "with these tires, over the last try"),
             ("replay monday/* -o logs --jobs 4", "many bags in four processes"),
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
+            ("replay drive -o out --inputs config/inputs/av21.yaml", "where messages are others"),
+            ("replay drive -o out --vehicle config/car.yaml", "without loads: they are estimated"),
         ),
     )
     replay.add_arguments(command)
@@ -98,6 +117,7 @@ def _declare(commands: Commands) -> None:
         ),
     )
     report.add_arguments(command)
+    add_inputs(command)
     add_remap(command)
     add_clock(command)
     answer.add_arguments(command)
@@ -145,6 +165,7 @@ def _declare(commands: Commands) -> None:
             ("play bags/sample", "once, its stamps moved to the present"),
             ("play drive --rate 2 --loop", "twice as fast, again and again"),
             ("play drive --wait 10", "begin when somebody listens to every topic, or after 10 s"),
+            ("play drive --ros-args -r __ns:=/car -r /car/front_left/load:=/hub", "below /car, one elsewhere"),
         ),
     )
     play.add_arguments(command)
@@ -171,6 +192,7 @@ def _declare(commands: Commands) -> None:
                 ' --load log.csv --load-columns "left=Tyre Load FL" -o drive --forces forces --config tire.yaml',
                 "a logger's export, units as it says, and on to forces",
             ),
+            ("import --inputs map.yaml -o drive", "columns of any quantities, as a field map says"),
         ),
     )
     csv_import.add_arguments(command)

@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
     """
     output = Path(options.output)
     _check(options, output)
-    from ..replay.replay import joints_of
+    from ..replay.bag_setup import joints_of
     from ..report import comparison, comparison_page
     from ..report.wrenches import columns_of
 

@@ -17,7 +17,7 @@ from .answer import answer, plain, printable
 if TYPE_CHECKING:
     from ..bag import BagReader
     from ..estimator.identification import Identification, Recording
-    from ..replay.replay import Plan
+    from ..replay.bag_setup import BagSetup
     from ..science.unit import TireWheelUnit
 
 __all__ = ["add_arguments", "errors_file", "prior_widths", "read", "run", "statements", "yaml_of"]
@@ -142,13 +142,13 @@ def run(options: argparse.Namespace) -> int:
 
     from ..bag import BagReader
     from ..estimator.identification import identify
-    from ..replay.replay import joints_of, plan, remaps_of
+    from ..replay.bag_setup import bag_setup, joints_of, remaps_of
 
     is_tir = bool(options.start) and Path(options.start).suffix.lower() == ".tir"
     if not is_tir and (options.wheel_mass is not None or options.suspension_stiffness is not None):
         raise InputError("--wheel-mass and --suspension-stiffness belong to a --start that is a .tir")
     reader = BagReader(options.input, options.clock)
-    how = plan(reader, None if is_tir else options.start, remaps_of(options.remap), joints_of(options.joint))
+    how = bag_setup(reader, None if is_tir else options.start, remaps_of(options.remap), joints_of(options.joint))
     start = _start(options, how, is_tir)
     recording, notes = read(reader, how, options)
     try:
@@ -181,7 +181,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _start(options: argparse.Namespace, how: Plan, is_tir: bool) -> TireWheelUnit:
+def _start(options: argparse.Namespace, how: BagSetup, is_tir: bool) -> TireWheelUnit:
     from ..replay.parameters import unit_of
 
     if not is_tir:
@@ -236,14 +236,14 @@ def prior_widths(options: argparse.Namespace, is_tir: bool) -> float | dict[str,
 # -- the bag ------------------------------------------------------------------------------------------------------
 
 
-def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Recording, list[str]]:
+def read(reader: BagReader, how: BagSetup, options: argparse.Namespace) -> tuple[Recording, list[str]]:
     """The samples of one wheel, and what is to be said about them.
 
     Parameters
     ----------
     reader : BagReader
-    how : Plan
-        As :func:`.replay.plan` gives it.
+    how : BagSetup
+        As :func:`.bag_setup.bag_setup` gives it.
     options : argparse.Namespace
         ``measured``, ``wheel``, ``begin``, ``end`` and ``quiet`` are read.
 
@@ -270,7 +270,10 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
         known = ", ".join(sorted(wrenches)) or "none"
         raise InputError(f"{reader.path}: {topic} {what}; topics of {messages.WRENCH_STAMPED}: {known}")
     if how.values["load_source"] == "road":
-        raise InputError(f"{reader.path}: its tires stand on a road; identify takes bags whose loads were measured")
+        raise InputError(
+            f"{reader.path}: its tires stand on a road, and their loads are the model's own answer; "
+            "identify takes bags whose loads were measured"
+        )
     names = {how.names[f"{wheel}/{name}"]: name for name in ("wheel_speed", "load", "load_force")}
     names |= {how.names["joint_states"]: "joint_states", topic: "measured"}
     joint = how.values["joint_names"][wheels.index(wheel)]
@@ -408,7 +411,7 @@ def _lines(output: str, found: Identification) -> list[str]:
     explained = ", ".join(
         f"{share:.2%} of force.{'xz'[axis]}" for axis, share in zip(found.axes, found.explained, strict=True)
     )
-    pieces = f"{found.stretches} piece{'s' * (found.stretches > 1)}"
+    pieces = f"{found.sections} piece{'s' * (found.sections > 1)}"
     lines = [f"{output}: {found.seconds:.1f} s in {pieces}; the model explains {explained}"]
     lines.append(f"  {'':26} {'estimate':>12} {'error':>8}   {'started from':>12}")
     for name, value, error in zip(found.names, found.values, found.errors, strict=True):
@@ -449,7 +452,7 @@ def _content(found: Identification) -> dict[str, Any]:
         "unexplained_coherent": found.unexplained,
         "seconds": found.seconds,
         "samples": found.samples,
-        "stretches": found.stretches,
+        "sections": found.sections,
         "coherent_band_Hz": None if band is None else list(band),
         "spectra": [
             {

@@ -27,6 +27,13 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--wait", metavar="S", type=float, default=0.0, help="wait at most S seconds for a subscriber on every topic"
     )
+    command.add_argument(
+        "--ros-args",
+        metavar="ARG",
+        nargs=argparse.REMAINDER,
+        default=[],
+        help="arguments for ROS, to the end of the line: with a namespace, topics move below it",
+    )
 
 
 def run(options: argparse.Namespace) -> int:
@@ -41,6 +48,7 @@ def run(options: argparse.Namespace) -> int:
         keep_stamps=options.keep_stamps,
         wait=options.wait,
         max_gap=options.max_gap,
+        ros_arguments=options.ros_args,
     )
     answer(options, {"input": options.input, "messages": count}, f"{count} messages published")
     return 0

@@ -37,7 +37,7 @@ __all__ = ["AXES", "DEFAULT_FIT", "FITTED", "UNSEEN", "Identification", "Recordi
 
 FloatArray = NDArray[np.float64]
 
-_NOT_N_1: Final = "it has no part in n = 1, and nothing but n = 1 reaches the axle"
+_NOT_N_1: Final = "it has no part in n = 1, and a given load reaches the axle through nothing else"
 _ONLY_K_1: Final = "it reaches the axle only within k_1 = pi a b (k_z + k_theta); fit k_1"
 _ONLY_MASS: Final = "it reaches the axle only within the ring's mass and k_1; fit density and k_1"
 UNSEEN: Final[Mapping[str, str]] = {
@@ -114,8 +114,8 @@ def identify(
        H1(f), over the standard deviation |H1| sqrt((1 - coherence)/(2 coherence segments)) of H1, give a first
        estimate, for several delays.
     2. Least squares on the force through :func:`.simulate`, at the times of measurement less the delay. The noise is
-       whitened: an autoregression, of an order by Akaike's criterion, is fitted to what the model leaves, stretch by
-       stretch, and its prediction errors are what is squared (generalised least squares). Fit and noise take turns
+       whitened: an autoregression, of an order by Akaike's criterion, is fitted to what the model leaves, section by
+       section, and its prediction errors are what is squared (generalised least squares). Fit and noise take turns
        until the estimates rest. After a gap the model begins in the steady state; what is measured before it has
        forgotten that is left out.
 

@@ -1,4 +1,4 @@
-"""What is fitted to what: a recording, the logarithms of a unit's parameters, and the model over stretches of it."""
+"""What is fitted to what: a recording, the logarithms of a unit's parameters, and the model over sections of it."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ __all__ = [
     "Problem",
     "Recording",
     "Seen",
-    "Stretch",
+    "Section",
     "TOP_ZETA",
     "median",
 ]
@@ -50,9 +50,9 @@ FITTED: Final = (*DEFAULT_FIT, "density", *FORE_AFT)
 AXES: Final = {"z": (1,), "xz": (0, 1)}  # columns of the force
 
 _FINE = 1000.0  # [Hz], at least, of the steps in which the model runs
-GAP = 3.5  # sampling intervals without a sample end a stretch
+GAP = 3.5  # sampling intervals without a sample end a section
 _SLOWEST = 10.0  # [Hz] of the samples
-_FORGET = 9.0  # e-foldings of the slowest motion until a stretch no longer remembers how it began; see _forgetting
+_FORGET = 9.0  # e-foldings of the slowest motion until a section no longer remembers how it began; see _forgetting
 _FACTOR = 30.0  # by which a parameter may leave the starting unit's
 TOP_ZETA = 0.99
 HELD: Final = 1e-6  # width of a prior that leaves nothing free
@@ -144,7 +144,7 @@ class Identification:
         Share of what is left that follows the load nevertheless, by its coherence; of noise there is next to none.
     seconds : float
         Of the measurement that was used.
-    samples, stretches : int
+    samples, sections : int
         Those of the measurement that were used; in how many pieces the speed and the load came.
     seen : tuple of Seen
         The speed with the most segments first.
@@ -174,7 +174,7 @@ class Identification:
     unexplained: float
     seconds: float
     samples: int
-    stretches: int
+    sections: int
     seen: tuple[Seen, ...]
 
     @property
@@ -184,7 +184,7 @@ class Identification:
         return tuple(name for name, own, width in known if own > width)
 
 
-class Stretch(NamedTuple):
+class Section(NamedTuple):
     """Inputs over a time without gaps, at the times at which the model is computed; those ``kept`` are wanted."""
 
     time: FloatArray
@@ -195,7 +195,7 @@ class Stretch(NamedTuple):
 
 
 class Problem:
-    """A recording in stretches, and the unit at parameters x = ln(value)."""
+    """A recording in sections, and the unit at parameters x = ln(value)."""
 
     def __init__(
         self,
@@ -230,16 +230,16 @@ class Problem:
             raise ValueError("speed and load are never there at the same time")
         longest = float((spans[:, 1] - spans[:, 0]).max())
         self.spans = [(a, b) for a, b in spans.tolist() if b - a > self.settling + 0.2]
-        self.stretches = self._stretches(recording.load, recording.traction)
-        if not self.stretches:
+        self.sections = self._sections(recording.load, recording.traction)
+        if not self.sections:
             raise ValueError(
-                f"no stretch without a gap is longer than {longest:.3g} s; the starting unit takes "
+                f"no section without a gap is longer than {longest:.3g} s; the starting unit takes "
                 f"{self.settling:.3g} s to forget how it began"
             )
 
-    def _stretches(self, load: FloatArray, traction: FloatArray) -> list[Stretch]:
+    def _sections(self, load: FloatArray, traction: FloatArray) -> list[Section]:
         """The inputs over each span, of a load and a traction at the stamps of the recording's."""
-        return [self._stretch(begin, end, load, traction) for begin, end in self.spans]
+        return [self._section(begin, end, load, traction) for begin, end in self.spans]
 
     def load_noise(self) -> float:
         """How much white noise the load's channel has at the most [N rms]: all that is near half its sampling rate.
@@ -259,12 +259,12 @@ class Problem:
                 weights.append(part.size)
         return math.sqrt(float(np.average(floors, weights=weights)) * 0.5 * rate) if floors else 0.0
 
-    def stretches_of_noise(self, rms: float) -> list[Stretch]:
+    def sections_of_noise(self, rms: float) -> list[Section]:
         """The spans with white noise [N rms] in the place of the load: always the same, by a seed."""
         noise = np.random.default_rng(1992).standard_normal(self.recording.load.size)
-        return self._stretches(rms * noise, np.zeros_like(noise))
+        return self._sections(rms * noise, np.zeros_like(noise))
 
-    def _stretch(self, begin: float, end: float, load: FloatArray, traction: FloatArray) -> Stretch:
+    def _section(self, begin: float, end: float, load: FloatArray, traction: FloatArray) -> Section:
         record = self.recording
         inside = slice(*np.searchsorted(record.load_time, [begin - 1e-9, end + 1e-9]))
         stamps = record.load_time[inside]
@@ -291,22 +291,22 @@ class Problem:
                 kept = np.ones(time.size, np.bool_)
                 kept[before + np.arange(before.size)] = False
         speed = np.interp(time, record.speed_time, record.speed)
-        return Stretch(time, speed, forces[:, 0], forces[:, 1], kept)
+        return Section(time, speed, forces[:, 0], forces[:, 1], kept)
 
     def unit(self, x: FloatArray) -> TireWheelUnit:
         """The unit at parameters."""
         return with_values(self.start, dict(zip(self.names, np.exp(x).tolist(), strict=True)))
 
-    def forces(self, unit: TireWheelUnit, stretch: Stretch) -> FloatArray:
+    def forces(self, unit: TireWheelUnit, section: Section) -> FloatArray:
         """The unit's axle forces (K, 2) at the kept times; not finite where it is so unstable that they overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
-            time = stretch.time - stretch.time[0]  # a regular grid's rounding is then no more than its own
-            seen = simulate(unit, time, stretch.speed, stretch.load, stretch.traction, model=self.model, n_max=2)
-            return seen.axle_force[stretch.kept]
+            time = section.time - section.time[0]  # a regular grid's rounding is then no more than its own
+            seen = simulate(unit, time, section.speed, section.load, section.traction, model=self.model, n_max=2)
+            return seen.axle_force[section.kept]
 
 
 def _forgetting(unit: TireWheelUnit, speeds: FloatArray, model: wheel.Model) -> float:
-    """After how long a stretch no longer shows how it began [s].
+    """After how long a section no longer shows how it began [s].
 
     Nine times the slowest motion's time: exp(-9), or exp(-6) for a damping that is a third less than that of the unit.
     """

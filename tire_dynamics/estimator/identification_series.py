@@ -13,7 +13,7 @@ from scipy import linalg, optimize, signal
 from ..science import wheel
 from ..science.interpolation import smooth_curve
 from ..science.spectra import Spectra, Transfer
-from .identification_problem import DIFFERENCE, OUTPUT_DEGREE, Identification, Problem, Seen, Stretch, median
+from .identification_problem import DIFFERENCE, OUTPUT_DEGREE, Identification, Problem, Section, Seen, median
 
 __all__ = [
     "from_time_series",
@@ -84,14 +84,14 @@ class _Series:
         self.problem = problem
         self.coordinates = _Coordinates(problem)
         record = problem.recording
-        self.parts: list[slice] = []  # of the record, one for each stretch
-        self.stretches: list[Stretch] = []
-        for stretch in problem.stretches:
-            first = stretch.time[0] + problem.settling + delay + _NEARBY
-            part = slice(*np.searchsorted(record.force_time, [first, stretch.time[-1] + delay - _NEARBY]).tolist())
+        self.parts: list[slice] = []  # of the record, one for each section
+        self.sections: list[Section] = []
+        for section in problem.sections:
+            first = section.time[0] + problem.settling + delay + _NEARBY
+            part = slice(*np.searchsorted(record.force_time, [first, section.time[-1] + delay - _NEARBY]).tolist())
             if part.stop - part.start > 1:
                 self.parts.append(part)
-                self.stretches.append(stretch)
+                self.sections.append(section)
         if not self.parts:
             raise ValueError("no measured force lies where speed, load and a settled motion are known")
         self.time = np.concatenate([record.force_time[part] for part in self.parts])
@@ -104,10 +104,10 @@ class _Series:
         self._known_jacobian = (b"", np.empty(0))
 
     def curves(self, x: FloatArray) -> list[FloatArray]:
-        """Axle forces (K, A) at the kept times of each stretch; the last are remembered."""
+        """Axle forces (K, A) at the kept times of each section; the last are remembered."""
         if self._known[0] != x.tobytes():
             unit = self.problem.unit(x)
-            found = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.stretches]
+            found = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.sections]
             self._known = (x.tobytes(), found)
         return self._known[1]
 
@@ -115,10 +115,10 @@ class _Series:
         """Curves, or their derivatives to time, at the times of the measurement less the delay, shape (N, A)."""
         record = self.problem.recording
         values: list[FloatArray] = []
-        for part, stretch, curve in zip(self.parts, self.stretches, curves, strict=True):
+        for part, section, curve in zip(self.parts, self.sections, curves, strict=True):
             if not np.isfinite(curve).all():
                 return np.full_like(self.force, math.nan)
-            spline = smooth_curve(stretch.time[stretch.kept], curve, OUTPUT_DEGREE)
+            spline = smooth_curve(section.time[section.kept], curve, OUTPUT_DEGREE)
             values.append(spline(record.force_time[part] - delay, derivative))
         whole: FloatArray = np.concatenate(values)
         return whole
@@ -136,11 +136,11 @@ class _Series:
         """Derivatives of the residual, (N, A, P + 2 + A); the last are remembered."""
         if self._known_jacobian[0] != z.tobytes():
             base = self.curves(self.coordinates.logs(z[: len(self.problem.names)]))
-            self._known_jacobian = (z.tobytes(), self._jacobian(z, self.stretches, base))
+            self._known_jacobian = (z.tobytes(), self._jacobian(z, self.sections, base))
         return self._known_jacobian[1]
 
-    def _jacobian(self, z: FloatArray, stretches: Sequence[Stretch], base: Sequence[FloatArray]) -> FloatArray:
-        """Of the forces that the model has under the inputs of these stretches, ``base`` at z."""
+    def _jacobian(self, z: FloatArray, sections: Sequence[Section], base: Sequence[FloatArray]) -> FloatArray:
+        """Of the forces that the model has under the inputs of these sections, ``base`` at z."""
         P, A = len(self.problem.names), self.force.shape[1]
         q, delay, gain = z[:P], 1e-3 * float(z[P]), math.exp(z[P + 1])
         x = self.coordinates.logs(q)
@@ -148,7 +148,7 @@ class _Series:
         for k in range(P):
             step = DIFFERENCE if x[k] + DIFFERENCE < self.problem.high[k] else -DIFFERENCE
             unit = self.problem.unit(self.coordinates.logs(q + step * (np.arange(P) == k)))
-            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in stretches]
+            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in sections]
             J[..., k] = gain * self.at([(one - other) / step for one, other in zip(moved, base, strict=True)], delay)
         J[..., P] = -1e-3 * gain * self.at(base, delay, 1)
         J[..., P + 1] = gain * self.at(base, delay)
@@ -162,11 +162,11 @@ class _Series:
         What the delay would make of it has no mean.
         """
         x = self.coordinates.logs(z[: len(self.problem.names)])
-        kept = {stretch.time[0] for stretch in self.stretches}
-        stretches = [each for each in self.problem.stretches_of_noise(rms) if each.time[0] in kept]
+        kept = {section.time[0] for section in self.sections}
+        sections = [each for each in self.problem.sections_of_noise(rms) if each.time[0] in kept]
         unit = self.problem.unit(x)
-        base = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in stretches]
-        J = self._jacobian(z, stretches, base)
+        base = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in sections]
+        J = self._jacobian(z, sections, base)
         J[..., len(self.problem.names)] = 0.0
         J[..., len(self.problem.names) + 2 :] = 0.0
         answer = J[..., len(self.problem.names) + 1]
@@ -288,7 +288,7 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
         unexplained=_unexplained(series, residual[:, -1], 1e-3 * float(z[P])),
         seconds=series.time.size * problem.interval,
         samples=series.time.size,
-        stretches=len(series.stretches),
+        sections=len(series.sections),
         seen=seen,
     )
 
@@ -366,7 +366,7 @@ def _transfer(series: _Series, load: FloatArray, residual: FloatArray) -> Transf
     """What is seen from the load to the residual; None of less than 8 segments."""
     longest = max(run.stop - run.start for run in series.runs)
     length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
-    spectra = Spectra(1.0 / series.problem.interval, length, held=False)
+    spectra = Spectra(1.0 / series.problem.interval, length, zero_order_hold=False)
     for run in series.runs:
         spectra.add(series.time[run], load[run], residual[run])
     transfer = spectra.transfer()
@@ -383,7 +383,7 @@ def _noise_that_passes(series: _Series, residual: FloatArray, x: FloatArray) -> 
     transfer = _transfer(series, np.zeros_like(residual), residual)
     if transfer is None:
         return math.inf
-    speed = float(np.mean(np.concatenate([each.speed for each in series.stretches])))
+    speed = float(np.mean(np.concatenate([each.speed for each in series.sections])))
     H = wheel.frequency_response(problem.unit(x), speed, transfer.frequency, problem.model)[:, problem.axes[-1], 0]
     count = transfer.frequency.size // _LINES * _LINES
     left = transfer.output[:count].reshape(-1, _LINES).mean(axis=1)
@@ -401,7 +401,7 @@ def _unexplained(series: _Series, residual: FloatArray, delay: float) -> float:
     load = np.concatenate(
         [
             np.interp(series.problem.recording.force_time[part] - delay, each.time, each.load)
-            for part, each in zip(series.parts, series.stretches, strict=True)
+            for part, each in zip(series.parts, series.sections, strict=True)
         ]
     )
     transfer = _transfer(series, load, residual)

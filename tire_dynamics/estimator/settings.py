@@ -27,9 +27,11 @@ class VehicleSettings:
     max_load: float = 200e3
     static_loads: tuple[float, ...] | None = None  # on the road [N]; None: loads are given
     max_road_step: float = 0.25
+    contact_points: int = 1
+    coupled_harmonics: int = 30
 
 
 def check_wheel(index: int, count: int) -> None:
-    """Raise an IndexError if there is no wheel of this index: the compiled loops write where they are told to."""
+    """Raise an IndexError if there is no wheel of this index: the compiled loops do not check where they write."""
     if not 0 <= index < count:
         raise IndexError(f"wheel is {index}; it must be from 0 to {count - 1}")

@@ -172,9 +172,7 @@ def variation_figure(drive: Drive, harmonics: Sequence[WheelHarmonics | None]) -
             if np.isfinite(error).any():
                 bar["error_y"] = {"type": "data", "array": typed(error), "color": SOFT, "thickness": 1, "width": 2}
             traces.append(bar)
-    layout = rows_layout(
-        ("Axle z, peak to peak [N]", "Axle x, peak to peak [N]"), "Harmonic of the wheel's rotation"
-    )
+    layout = rows_layout(("Axle z, peak to peak [N]", "Axle x, peak to peak [N]"), "Harmonic of the wheel's rotation")
     layout |= {"height": 460, "barmode": "group", "bargap": 0.25}
     layout["xaxis"] |= {"dtick": 1, "tick0": 1, "range": [0.4, OrderSums().harmonics + 0.6], "fixedrange": True}
     for axis in ("yaxis", "yaxis2"):

@@ -138,7 +138,7 @@ def segments(drive: Drive) -> str:
     """How the spectra were estimated."""
     spectra = [wheel.spectra for wheel in drive.wheels if wheel.spectra.segments]
     if not spectra:
-        return "No stretch of outputs is long enough for a spectrum."
+        return "No segment of outputs is long enough for a spectrum."
     most = max(each.segments for each in spectra)
     length = spectra[0].length / spectra[0].rate
     few = "; of so few, trust only what is smooth" if most < 8 else ""

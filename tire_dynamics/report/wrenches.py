@@ -17,7 +17,7 @@ from ..bag import BagReader
 from ..cdr import messages
 from ..files.csv_table import read_table, unit_named
 from ..files.errors import InputError, first_line, missing
-from ..replay.replay import log_topic, plan
+from ..replay.bag_setup import bag_setup, log_topic
 from ..replay.series import series_of
 
 __all__ = ["Series", "Wrench", "columns_of", "read_bag", "read_columns"]
@@ -120,7 +120,7 @@ def read_bag(
     speeds: dict[str, str] = {}
     joint = ""
     if is_log:
-        how = plan(reader, joints=joints)
+        how = bag_setup(reader, joints=joints)
         wheels = how.values["wheels"]
         axles = {how.names[f"{name}/axle_wrench"]: name for name in wheels}
         wheel = wheel or (axles.get(_full(topic)) if topic else None) or (wheels[0] if len(wheels) == 1 else None)

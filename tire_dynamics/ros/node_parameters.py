@@ -20,9 +20,11 @@ _TYPES = {
     "boolean": RosParameter.Type.BOOL,
     "double": RosParameter.Type.DOUBLE,
     "double[]": RosParameter.Type.DOUBLE_ARRAY,
+    "double | double[]": RosParameter.Type.DOUBLE_ARRAY,
     "integer": RosParameter.Type.INTEGER,
     "string": RosParameter.Type.STRING,
     "string[]": RosParameter.Type.STRING_ARRAY,
+    "string | string[]": RosParameter.Type.STRING_ARRAY,
 }
 _NULL = ("null", "~", "None")  # YAML's, of which rcl makes texts; rclpy's parameter client writes the last
 

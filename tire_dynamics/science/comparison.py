@@ -167,7 +167,7 @@ def lag_of(pairs: Sequence[tuple[FloatArray, FloatArray]], most: int) -> int:
     Parameters
     ----------
     pairs : sequence of (ndarray, ndarray)
-        x and y over stretches without gaps, of equal length each.
+        x and y over sections without gaps, of equal length each.
     most : int
         Largest lag that is looked for, either way.
 
@@ -197,7 +197,7 @@ def cross_spectra(
     Parameters
     ----------
     pairs : iterable of (ndarray, ndarray)
-        x and y over stretches without gaps, of equal length each.
+        x and y over sections without gaps, of equal length each.
     rate : float
         Samples per second, or per unit of what they are over.
     length : int
@@ -208,7 +208,7 @@ def cross_spectra(
     Returns
     -------
     Sums or None
-        None if no stretch has a whole segment.
+        None if no section has a whole segment.
     """
     step = length - length // 2
     cut = [(x, y, (x.size - length) // step + 1) for x, y in pairs if x.size >= length]
