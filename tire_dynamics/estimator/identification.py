@@ -120,7 +120,8 @@ def identify(
        forgotten that is left out.
 
     The errors are those of (J^T J + 1/prior_width^2)^-1, J the whitened derivatives over the noise's standard
-    deviation, a gain between the two channels being unknown as well. They are right if the model is: what a wrong model
+    deviation, a gain between the two channels being unknown as well; where the residual scatters by more over half a
+    second than a white one would, they are that much larger. They are right if the model is: what a wrong model
     or a wrong fixed field does is not in them.
 
     Noise n of the load (errors in variables) moves the estimates by -(J^T J + ...)^-1 J_n^T r_n, to first order, r_n

@@ -22,8 +22,9 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 _NEARBY = 0.02  # [s]: how far the time series may move the delay
-_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # of the noise's autoregression
+_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # of the noise's autoregression
 _MOST_GAIN = 2.0  # of its logarithm, either way
+_BLOCK = 0.5  # [s] over which the residual's pull at the estimates is summed
 _LINES = 4  # of a spectrum, taken together
 _KNOWN_NOISE = 0.2  # share of its effect that remains unsure of a noise whose size was said, to a tenth
 _CALLS = (6, 10, 25, 25, 25)  # of the model by turns of fit and noise: the first are for the noise's sake
@@ -251,7 +252,10 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
     to_logs = linalg.block_diag(series.coordinates.slope(x), np.eye(2 + A))
     # by the data alone: without the priors of the parameters, but with that of the gain, which is of the sensors
     shares = (np.ones(P + 1), np.append(np.full(P, 1e-4), 1.0))
-    covariance, own = (to_logs @ _inverse(information + (prior.T * share) @ prior) @ to_logs.T for share in shares)
+    pulls = _pulls(series, J, white) * sure
+    covariance, own = (
+        to_logs @ _covariance(information, (prior.T * share) @ prior, pulls) @ to_logs.T for share in shares
+    )
     bias = to_logs @ bias
     unsure = bias * (_KNOWN_NOISE if problem.given_noise is not None else 1.0)
     covariance, own = covariance + np.outer(unsure, unsure), own + np.outer(unsure, unsure)
@@ -287,6 +291,27 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
         sections=len(series.sections),
         seen=seen,
     )
+
+
+def _pulls(series: _Series, J: FloatArray, white: FloatArray) -> FloatArray:
+    """Sums of the derivatives times the residual, both whitened, over half a second each, shape (B, P + 2 + A)."""
+    length = max(1, round(_BLOCK / series.problem.interval))
+    firsts = np.arange(0, max(white.size - length // 2, 1), length)
+    sums: FloatArray = np.add.reduceat(J * white[:, None], firsts, axis=0)
+    return sums
+
+
+def _covariance(information: FloatArray, prior: FloatArray, pulls: FloatArray) -> FloatArray:
+    """Of the estimates, with errors no smaller than what the residual shows when its whitening was not perfect.
+
+    The second are the "sandwich" of P. J. Huber, 1967: the scatter of what pulls at the estimates, block by block,
+    between two inverses. It is known to one in ten, and counts where it is the larger.
+    """
+    inverse = _inverse(information + prior)
+    seen = inverse @ (pulls.T @ pulls + prior) @ inverse
+    grown = np.sqrt(np.maximum(np.diag(seen) / np.diag(inverse), 1.0))
+    found: FloatArray = inverse * np.outer(grown, grown)
+    return found
 
 
 def _inverse(information: FloatArray) -> FloatArray:
