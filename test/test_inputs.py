@@ -316,7 +316,7 @@ def test_identify_reads_on_one_clock(tmp_path):
     from argparse import Namespace
 
     from tire_dynamics.cli.identify import read
-    from tire_dynamics.replay.replay import plan
+    from tire_dynamics.replay.bag_setup import bag_setup
 
     with BagWriter(tmp_path / "bag") as bag:
         states = bag.add_topic("/joint_states", messages.JOINT_STATE)
@@ -329,9 +329,9 @@ def test_identify_reads_on_one_clock(tmp_path):
     options = Namespace(measured="hub", wheel=None, begin=0.0, end=None, quiet=True)
     reader = BagReader(tmp_path / "bag")
     with pytest.raises(InputError, match="look at their stamps"):
-        read(reader, plan(reader), options)
+        read(reader, bag_setup(reader), options)
     reader = BagReader(tmp_path / "bag", "stamp")
-    recording, _ = read(reader, plan(reader), options)
+    recording, _ = read(reader, bag_setup(reader), options)
     expected = np.arange(120) * STEP / 2 / SECOND
     # Times are taken from the beginning of the log, 1.7e9 s away: of 2e-7 s, as float64 has it.
     for time in (recording.speed_time, recording.load_time, recording.force_time):

@@ -260,6 +260,43 @@ def test_one_that_fails_does_not_hinder_the_others():
     assert os.getpid() not in processes and 1 <= len(processes) <= 4  # two had to be replaced
 
 
+def unsendable(item):
+    return item if item % 2 else lambda: item
+
+
+def test_what_cannot_be_sent_between_processes_fails_alone():
+    with workers(1, None) as pool:
+        results = dict(pool.each(unsendable, [1, 2, 3, lambda: 4, 5]))
+    assert [results[number] for number in (0, 2, 4)] == [1, 3, 5]
+    assert all(isinstance(results[number], Failure) and "pickle" in results[number].reason for number in (1, 3))
+
+
+ENDLESS = """
+import os, sys, time
+from tire_dynamics.replay.jobs import workers
+
+def work(item):
+    print(os.getpid(), flush=True)
+    time.sleep(300)
+
+if __name__ == "__main__":
+    with workers(2, None) as pool:
+        list(pool.each(work, [1, 2]))
+"""
+
+
+def test_no_process_outlives_one_that_is_killed(tmp_path):
+    (tmp_path / "endless.py").write_text(ENDLESS)
+    environment = {**os.environ, "PYTHONPATH": str(REPOSITORY)}
+    command = [sys.executable, str(tmp_path / "endless.py")]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        at_work = [process.stdout.readline() for _ in range(2)]
+        process.kill()
+        assert process.stdout.read() == b""  # the pipe's end: no process has it any more
+    assert all(int(line) != process.pid for line in at_work)
+
+
 def test_a_map_is_in_order_and_keeps_its_processes():
     with workers(2, None) as pool:
         first = pool.map(strange, "abcdef")

@@ -12,7 +12,7 @@ import re
 import runpy
 import sys
 import types
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import KW_ONLY, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -202,8 +202,14 @@ def test_a_topic_for_all_wheels_at_once_is_refused(argument):
 def test_a_switch_is_true_or_false_or_empty(argument):
     with pytest.raises(ValueError, match=argument):
         launched(**{argument: "yes"})
-    node, _ = launched(**{argument: "false"})
-    assert node.parameters[1] == {argument: False}
+    for written in ("false", "False", "true", "True"):
+        node, _ = launched(**{argument: written})
+        assert node.parameters[1] == {argument: written.lower() == "true"}
+
+
+def test_a_parameter_file_that_is_missing_is_an_error(tmp_path):
+    with pytest.raises(ValueError, match=f"^params_file is '{tmp_path}/none.yaml'; there is no such file"):
+        launched(params_file=f"{tmp_path}/none.yaml")
 
 
 @pytest.mark.parametrize(
@@ -225,7 +231,38 @@ def test_the_wheels_of_a_pattern_are_those_of_the_parameter_file(tmp_path, conte
 @pytest.mark.parametrize("written", ["fl,fr", "fl, fr", "[fl, fr]", " [ fl ,fr, ] "])
 def test_a_list_may_be_written_in_several_ways(written):
     node, _ = launched(wheels=written)
-    assert node.parameters[1] == {"wheels": ["fl", "fr"]}
+    assert node.parameters[1]["wheels"] == ["fl", "fr"]
+
+
+def test_what_belongs_to_a_wheel_follows_it(tmp_path):
+    """Of wheels that the file knows it is the file's, in whatever order they come; of others the default."""
+    overrides = launched(wheels="rear_right,front_left")[0].parameters[1]
+    assert overrides == {
+        "wheels": ["rear_right", "front_left"],
+        "joint_names": ["rear_right", "front_left"],
+        "frame_ids": ["rear_right_axle", "front_left_axle"],
+        "tf.positions": [0.0, -0.775, 0.305, 2.70, 0.775, 0.305],
+        "static_loads": [3500.0, 4000.0],
+    }
+    overrides = launched(wheels="front_right,spare", joint_names="{wheel}_joint")[0].parameters[1]
+    assert overrides == {
+        "wheels": ["front_right", "spare"],
+        "joint_names": ["front_right_joint", "spare_joint"],
+        "frame_ids": ["front_right_axle", "spare_axle"],
+        "tf.positions": [2.70, -0.775, 0.305, 0.0, 0.0, 0.0],
+    }
+
+
+def test_the_file_is_read_as_ros_reads_it_for_a_node_of_that_name(tmp_path):
+    file = tmp_path / "cars.yaml"
+    section = "{{ros__parameters: {{wheels: [{0}1, {0}2], joint_names: [{0}_a, {0}_b]}}}}"
+    file.write_text(f"/front/tires: {section.format('f')}\n/rear/tires: {section.format('r')}\n", encoding="utf-8")
+    given = {"params_file": str(file), "name": "tires", "frame_ids": "{wheel}_hub"}
+    for namespace, letter in (("front", "f"), ("/rear", "r"), ("/rear/", "r")):
+        node, _ = launched(namespace=namespace, **given)
+        assert node.parameters[1] == {"frame_ids": [f"{letter}1_hub", f"{letter}2_hub"]}
+        node, _ = launched(namespace=namespace, wheels=f"{letter}2", **given)
+        assert node.parameters[1]["joint_names"] == [f"{letter}_b"]
 
 
 # -- what the real node makes of it --
@@ -303,6 +340,44 @@ def test_the_node_has_the_names_and_topics_that_were_asked_for(ros_domain, tmp_p
             *(f"/can/{wheel}/speed" for wheel in wheels),
         }
         assert subscriptions(node) - {"/clock", "/parameter_events"} == asked
+
+
+def test_wheels_alone_make_a_node(ros_domain, tmp_path):
+    with real_node(ros_domain, tmp_path, wheels="left,right") as node:
+        assert list(node.get_parameter("joint_names").value) == ["left", "right"]
+        assert list(node.get_parameter("frame_ids").value) == ["left_axle", "right_axle"]
+        assert list(node.get_parameter("tf.positions").value) == [0.0] * 6
+        assert {"/left/load", "/right/load"} <= subscriptions(node)
+
+
+def test_two_cars_side_by_side(ros_domain, tmp_path):
+    """Each has its own topics, parameters, diagnostics and log; nothing of one is the other's."""
+    with ExitStack() as stack:
+        cars = {}
+        for name in ("red", "blue"):
+            (tmp_path / name).mkdir()
+            given = {"namespace": name, "wheels": "left,right", "log_directory": str(tmp_path / "logs")}
+            given["frame_ids"] = f"{name}_{{wheel}}_axle"
+            cars[name] = stack.enter_context(real_node(ros_domain, tmp_path / name, **given))
+        logs = {name: Path(node._journal.log.folder) for name, node in cars.items()}
+        assert logs["red"] != logs["blue"] and len(set((tmp_path / "logs").iterdir())) == 2
+        for name, node in cars.items():
+            assert node.get_fully_qualified_name() == f"/{name}/tire_dynamics"
+            loads = {f"/{name}/{wheel}/load" for wheel in ("left", "right")}
+            assert subscriptions(node) - {"/parameter_events"} == {
+                f"/{name}/joint_states", *loads, *(f"/{name}/{wheel}/load_force" for wheel in ("left", "right")),
+                *(f"/{name}/{wheel}/wheel_speed" for wheel in ("left", "right")),
+            }  # fmt: skip
+            assert node._wheel_status(0).name == f"{name}/tire_dynamics: left"
+            assert list(node.get_parameter("frame_ids").value) == [f"{name}_left_axle", f"{name}_right_axle"]
+
+
+def test_a_log_directory_in_the_home(ros_domain, tmp_path, monkeypatch):
+    """No shell puts the home in place of ~ behind `:=`."""
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.chdir(tmp_path)
+    with real_node(ros_domain, tmp_path, log_directory="~/logs"):
+        assert len(list((tmp_path / "home" / "logs").iterdir())) == 1 and not (tmp_path / "~").exists()
 
 
 def test_autostart_false_waits_for_a_lifecycle_manager(ros_domain, tmp_path):

@@ -308,6 +308,10 @@ def trouble(kind: type[Trouble], tmp_path: Path):
 @pytest.mark.parametrize("kind", [FullDisk, Quota, Removed, Forbidden])
 def test_a_disk_that_fails_and_comes_back(rig, tmp_path, kind, monkeypatch):
     """The node goes on publishing, says so, and the log goes on in a new folder that says what is missing."""
+    def has_stopped(status=None) -> bool:  # other errors may be the machine's, which misses ticks
+        status = status or rig.status()
+        return status is not None and status.level == ERROR and "the log stopped" in status.message
+
     with trouble(kind, tmp_path) as disk:
         monkeypatch.setattr("test_live_log.COMMAND", [*disk.prefix, *COMMAND])
         with live_node("-p", f"log.directory:={disk.directory}", *disk.arguments) as node:
@@ -319,17 +323,17 @@ def test_a_disk_that_fails_and_comes_back(rig, tmp_path, kind, monkeypatch):
             assert len(first) == 1
             began = rig.now()
             disk.begin(node.pid)
-            rig.until(lambda: rig.level() == ERROR, "the error in the diagnostics")
-            assert str(disk.directory) in rig.status().message
+            rig.until(has_stopped, "the error in the diagnostics")
+            assert rig.level() == ERROR and str(disk.directory) in rig.status().message
             # in one case long enough for an attempt that fails: it stays an error all the time
             rig.more(forces, 1500 if kind is FullDisk else 100, "axle wrenches without a disk")
             since = len(rig.said)
             rig.more(rig.said, 1, "diagnostics")
-            assert {array.status[0].level for array in rig.said[since:]} == {ERROR}
+            assert all(has_stopped(array.status[0]) for array in rig.said[since:])
             assert rig.count("log: dropped") > 0 and rig.count("log: dropped /wheel/axle_wrench") > 0
             disk.end(node.pid)
             ended = rig.now()
-            rig.until(lambda: rig.level() not in (ERROR, None), "the log, which tries again")
+            rig.until(lambda: not has_stopped(), "the log, which tries again")
             again = rig.now()
             rig.more(forces, 600, "axle wrenches with a log again")
             (second,) = [folder for folder in disk.directory.iterdir() if folder not in first]

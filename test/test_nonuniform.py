@@ -22,10 +22,13 @@ from tire_dynamics.science.nonuniform import (
     Nonuniformity,
     combination_resonances,
     fixed_frame_matrix,
+    instability_scale,
+    nearest_resonance,
     nearest_tongue,
     stability,
     state_matrix,
     tongue_map,
+    tongue_threshold,
 )
 from tire_dynamics.science.periodic import Trigonometric, transition
 
@@ -692,6 +695,128 @@ def test_damping_lifts_the_tips(model):
     assert coarse.size >= 3 and (coarse < 0.02).all() and (fine < 0.3 * coarse + 1e-5).all()
 
 
+def rpm(speed):
+    return speed * 30.0 / math.pi
+
+
+def bisected(unit, speed, model, low, high, steps=20):
+    """The eps at which the verdict turns at a speed, by bisection with nothing else."""
+    for _ in range(steps):
+        middle = 0.5 * (low + high)
+        unstable = stability(unit, second(middle), speed, model).verdict == UNSTABLE
+        low, high = (low, middle) if unstable else (middle, high)
+    return high
+
+
+def test_the_size_at_a_speed_is_bisected():
+    unit = TABLE_1.replace(zeta_1=0.05, zeta_s=0.05)
+    for speed in (638.0, -520.0):
+        eps = 0.01 * instability_scale(unit, second(0.01), speed)
+        assert eps == pytest.approx(bisected(unit, speed, "inextensional", 0.0, 0.45), abs=2e-6)
+        verdicts = [stability(unit, second(each), speed).verdict for each in (eps - 2e-6, eps + 2e-6)]
+        assert verdicts == ["asymptotically stable", UNSTABLE]
+    assert instability_scale(unit, second(0.01), 150.0) is None
+    assert instability_scale(unit, second(0.01), 3000.0) == 0.0  # beyond the critical speed
+    for bad, message in [((second(0.01), 0.0), "speed is 0.0; it must be finite and not zero"),
+                         ((Nonuniformity(), 100.0), "every amplitude"),
+                         ((second(0.01), 100.0, "inextensional", 0.0), "tolerance is 0.0; it must")]:  # fmt: skip
+        with pytest.raises(ValueError, match=message):
+            instability_scale(unit, *bad)
+
+
+THRESHOLDS = {
+    # zeta_1 = zeta_s: (speed of the resonance [rpm], eps to first order, eps bisected) of docs/model.md
+    ("inextensional", 0.02): [
+        (472, 98.9, None), (2592, 2.81, None), (3286, 2.02, None),
+        (4711, 0.080, 0.0772), (5406, 0.0573, 0.0573), (6100, 0.0411, 0.0402),
+    ],
+    ("inextensional", 0.05): [
+        (472, 247.0, None), (2592, 7.03, None), (3286, 5.04, None),
+        (4711, 0.200, 0.1675), (5406, 0.143, 0.1435), (6100, 0.103, 0.0899),
+    ],
+    ("complete", 0.02): [
+        (472, 98.7, None), (2586, 2.83, None), (3277, 2.00, None), (4161, 37.4, None), (4697, 0.0822, 0.0791),
+        (5374, 0.0573, 0.0573), (5660, 0.250, None), (6004, 0.0426, 0.0413), (6159, 0.0913, 0.0858),
+        (6288, 0.128, 0.1036),
+    ],
+    ("complete", 0.05): [
+        (472, 247.0, None), (2586, 7.07, None), (3277, 5.01, None), (4161, 93.5, None), (4697, 0.205, 0.1708),
+        (5374, 0.143, 0.1431), (5660, 0.624, None), (6004, 0.1065, 0.0898), (6159, 0.228, 0.1799),
+        (6288, 0.319, 0.1783),
+    ],
+}  # fmt: skip
+
+
+def test_ten_tongues_of_the_complete_model():
+    """Its upper n = 1 whirls fall with the speed, from 231 to 110 Hz at 5660 rpm, and meet the lower ones."""
+    found = combination_resonances(TABLE_1, second(0.01), "complete")
+    assert [round(rpm(tip.speed)) for tip in found] == [each[0] for each in THRESHOLDS["complete", 0.05]]
+    upper = next(tip for tip in found if round(rpm(tip.speed)) == 5660).frequencies[1]
+    undamped = TABLE_1.replace(zeta_1=0.0, zeta_s=0.0)
+    at_rest, at_5660, at_6159 = (
+        np.sort(np.abs(np.linalg.eigvals(wheel.fixed_frame_matrix(undamped, speed, "complete")).imag))[::2]
+        for speed in (0.0, 5660.3 * math.pi / 30.0, 6158.7 * math.pi / 30.0)
+    )
+    # section 9 of docs/model.md: hop, fore-aft, vertical, then the two upper whirls
+    assert at_rest[1:3] == pytest.approx([492.3, 637.4], abs=0.05)
+    assert at_5660[1] == pytest.approx(491.6, abs=0.05) and at_6159[2] == pytest.approx(625.9, abs=0.05)
+    assert at_rest[3:] / (2.0 * math.pi) == pytest.approx([231.0, 231.0], abs=0.5)
+    assert at_5660[3:] / (2.0 * math.pi) == pytest.approx([110.0, 487.0], abs=0.5)
+    assert at_5660[3] == pytest.approx(upper, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("model", "zeta"),
+    [
+        pytest.param(*case, marks=pytest.mark.slow if case[0] == "inextensional" else pytest.mark.nightly)
+        for case in THRESHOLDS
+    ],
+)
+def test_thresholds_of_the_tongues_of_table_1(model, zeta):
+    """The tables of docs/model.md: ten tongues of the complete model below 6300 rpm, six of the inextensional one.
+
+    The bisected threshold is the lowest point: stable 0.1 % below it at every speed nearby, unstable 0.1 % above it.
+    """
+    unit = TABLE_1.replace(zeta_1=zeta, zeta_s=zeta)
+    found = combination_resonances(unit, second(0.01), model)
+    assert [round(rpm(tip.speed)) for tip in found] == [each[0] for each in THRESHOLDS[model, zeta]]
+    for tip, (_, first_order, least) in zip(found, THRESHOLDS[model, zeta], strict=True):
+        assert 0.01 * tip.threshold == pytest.approx(first_order, rel=5e-3)
+        threshold = tongue_threshold(unit, second(0.01), tip, model)
+        if least is None:
+            assert threshold is None
+            continue
+        eps, at = 0.01 * threshold.scale, threshold.speed
+        assert eps == pytest.approx(least, abs=6e-5)  # the last digit of the table
+        assert stability(unit, second(1.001 * eps), at, model).verdict == UNSTABLE
+        for shift in (-0.001, -0.0005, 0.0, 0.0005, 0.001):
+            assert stability(unit, second(0.999 * eps), (1.0 + shift) * at, model).verdict != UNSTABLE
+
+
+def test_the_first_order_is_no_bound():
+    """At zeta = 0.05 the first tongue opens at eps 0.090 and the next but one at 0.167, not at 0.103 and 0.200."""
+    unit = TABLE_1.replace(zeta_1=0.05, zeta_s=0.05)
+    tips = {round(rpm(tip.speed)): tip for tip in combination_resonances(unit, second(0.01))}
+    for at, below, least, first_order in ((6074.7, 0.0895, 0.0900, 0.103), (4687.3, 0.167, 0.168, 0.200)):
+        tip = tips[6100 if at > 6000 else 4711]
+        assert 0.01 * tip.threshold == pytest.approx(first_order, abs=5e-4)
+        speeds = np.linspace(0.985, 1.015, 31) * tip.speed
+        assert not any(stability(unit, second(below), speed).verdict == UNSTABLE for speed in speeds)
+        assert stability(unit, second(least), at * math.pi / 30.0).verdict == UNSTABLE
+
+
+@pytest.mark.slow
+def test_a_threshold_tends_to_the_first_order_and_needs_damping():
+    tip = combination_resonances(UNDAMPED, second(0.01))[-1]
+    assert tongue_threshold(UNDAMPED, second(0.01), tip) == (tip.speed, 0.0)
+    ratios = []
+    for zeta in (0.02, 0.01):
+        unit = UNDAMPED.replace(zeta_1=zeta, zeta_s=zeta)
+        tip = combination_resonances(unit, second(0.01))[-1]
+        ratios.append(tongue_threshold(unit, second(0.01), tip).scale / tip.threshold - 1.0)
+    assert abs(ratios[1]) < 0.3 * abs(ratios[0])  # the next order is the second
+
+
 @both
 def test_tips_on_a_round_support(model):
     """Without a direction only forward whirls meet the turning stiffness, and each tip is there once."""
@@ -736,6 +861,7 @@ def test_nearest_tongue():
     balanced = Nonuniformity(((2, 0.0403, 0.0),), ((2, 0.0580, 0.0),))
     assert balanced.epsilon(TABLE_1) < 1e-15
     assert nearest_tongue(TABLE_1, balanced, 500.0, "complete") is not None
+    assert nearest_resonance(TABLE_1, near, -300.0) == combination_resonances(TABLE_1, near)[1]
     with pytest.raises(ValueError, match="speed is nan; it must be finite"):
         nearest_tongue(TABLE_1, near, math.nan)
 

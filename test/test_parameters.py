@@ -50,16 +50,11 @@ def unusable():
     """Each row with values that it must refuse, and what the reason must name beside name and value."""
     for row in PARAMETERS:
         if row.kind in ("double", "integer"):
-            zero = 0.0 if row.kind == "double" else 0
-            if row.positive:
-                yield row.name, zero, "> 0"
-                yield row.name, zero - 1, "> 0" if row.kind == "double" else "must"
-            else:
-                below = math.nextafter(row.low, -math.inf) if row.kind == "double" else row.low - 1
-                yield row.name, below, f"{row.low:g}"
-            if row.high is not None:
-                above = math.nextafter(row.high, math.inf) if row.kind == "double" else row.high + 1
-                yield row.name, above, f"{row.high:g}"
+            yield row.name, row.low - 1, f"{row.low:g}"
+            below = math.nextafter(row.low, -math.inf) if row.kind == "double" else row.low - 1
+            yield row.name, below, f"{row.low:g}"
+            above = math.nextafter(row.high, math.inf) if row.kind == "double" else row.high + 1
+            yield row.name, above, f"{row.high:g}"
         if row.kind == "double":
             for value in (math.nan, math.inf, -math.inf):
                 yield row.name, value, "finite"
@@ -81,6 +76,13 @@ def unusable():
             if row.name == "static_loads":  # with load_source road alone: test_road_node
                 continue
             yield row.name, [1.0, 2.0], "x y z" if row.name == "tf.positions" else "three for each harmonic"
+        if row.kind == "string | string[]":
+            for value in (1, None, [1], ["a", None], {"a": 1}):
+                yield row.name, value, "list of names"
+        if row.kind == "double | double[]":
+            for value in (1, "1.0", None, [1], ["a"], {"a": 1.0}):
+                yield row.name, value, "list of floating-point numbers"
+            yield row.name, [1.0, math.inf], "finite"
         if row.kind == "boolean":
             for value in ("true", 1, 0.0, None, []):
                 yield row.name, value, "true or false"
@@ -219,7 +221,7 @@ def test_numbers_as_people_write_them(tmp_path):
     ("text", "named"),
     [
         ("radus: 0.3\n", ["radus", "radius"]),
-        ("radius: -1\n", ["radius", "-1", "> 0"]),
+        ("radius: -1\n", ["radius", "-1", "at least 0.001"]),
         ("radius: true\n", ["radius", "True"]),
         ("radius:\n", ["radius", "None"]),
         ("radius: 0.3\nradius: 0.4\n", ["radius", "twice"]),

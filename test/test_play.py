@@ -405,3 +405,41 @@ def test_times_without_end_are_those_of_every_recorder(sec):
 def test_qos_that_cannot_be_read_is_the_default(text):
     qos = publisher_qos(offered_qos(text))
     assert (qos.reliability, qos.durability) == (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE)
+
+
+# -- ROS arguments --
+
+
+def test_a_namespace_moves_the_topics_and_a_remapping_one_of_them(listener, tmp_path):
+    """For a second car, beside which the first one hears nothing."""
+    heard: dict[str, list] = {"/car/speed": [], "/elsewhere": [], "/tf_static": []}
+    for name, kind in (("/car/speed", Float64), ("/elsewhere", JointState), ("/tf_static", String)):
+        listener.node.create_subscription(kind, name, heard[name].append, QoSProfile(depth=100))
+    bag = write_bag(tmp_path / "bag", 20)
+    with BagWriter(tmp_path / "shared") as writer:  # /tf_static is everybody's, whatever its type is here
+        topic = writer.add_topic("/tf_static", messages.STRING, "latched")
+        writer.write(topic, BEGIN, BEGIN, messages.encode_string("x"))
+    arguments = ("--ros-args", "-r", "__ns:=/car", "-r", "__node:=second", "-r", "joint_states:=/elsewhere")
+    with player(bag, "--wait", "120", *arguments) as process:
+        ended(listener, process)
+    with player(tmp_path / "shared", "--wait", "120", *arguments) as process:
+        ended(listener, process)
+    listener.until(lambda: len(heard["/car/speed"]) == len(heard["/elsewhere"]) == 20, "all of both")
+    listener.until(lambda: heard["/tf_static"], "what is not moved")
+    assert listener.speeds == listener.joints == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--ros-args", "-r", "no rule"], "no rule"),
+        (["--ros-args", "--rate", "2"], "--rate"),
+        (["--ros-args", "-r", "a:=b", "2"], "2"),
+        (["--ros-args", "--params-file", "none.yaml"], "none.yaml"),
+    ],
+)
+def test_ros_arguments_that_cannot_be_used_are_a_line(ros_domain, tmp_path, arguments, said):
+    with player(write_bag(tmp_path / "bag", 2), *arguments) as process:
+        error = process.communicate(timeout=PATIENCE)[1]
+    assert process.returncode == 2 and said in error and "Traceback" not in error
+    assert error.strip().splitlines()[-1].startswith("tire-dynamics: ")

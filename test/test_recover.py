@@ -16,15 +16,16 @@ from typing import NamedTuple
 
 import pytest
 import yaml
-from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
+from examples import examples
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.bag import salvage as salvage_module
+from tire_dynamics.bag.definitions import definition
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import WrenchEncoder, encode_float64
 from tire_dynamics.cli.main import main
@@ -35,7 +36,10 @@ from tire_dynamics.replay.replay import replay
 REPOSITORY = Path(__file__).parents[1]
 BEGIN = 1_700_000_000 * 10**9
 ODD_TYPE = "odd_msgs/msg/Odd"  # of no package that anyone has
-ODD_SCHEMA = b"# mine\nuint8[] data\n"
+SCHEMAS = {
+    ODD_TYPE: b"# mine\nuint8[] data\n",
+    **{kind: f"# mine\n{definition(kind)}".encode() for kind in (messages.FLOAT64, messages.WRENCH_STAMPED)},
+}
 LATCHED = """\
 - history: 1
   depth: 1
@@ -80,7 +84,7 @@ def make(count: int = 120, chunk_size: int = 700, **options) -> Sample:
     types = {"/w/wheel_speed": messages.FLOAT64, "/w/load": messages.WRENCH_STAMPED, "/odd": ODD_TYPE}
     channels = {}
     for topic, kind in types.items():
-        schema = writer.register_schema(kind, "ros2msg", ODD_SCHEMA)
+        schema = writer.register_schema(kind, "ros2msg", SCHEMAS[kind])
         channels[topic] = writer.register_channel(topic, "cdr", schema, {"offered_qos_profiles": LATCHED})
     wrench = WrenchEncoder("axle")
     for number in range(count):
@@ -181,7 +185,7 @@ def test_others_read_what_comes_out(tmp_path):
         summary = reader.get_summary()
         assert reader.get_header().profile == "ros2" and summary.statistics.message_count == len(got)
         assert {(s.name, s.encoding, s.data) for s in summary.schemas.values()} == {
-            (kind, "ros2msg", ODD_SCHEMA) for kind in types.values()
+            (kind, "ros2msg", SCHEMAS[kind]) for kind in types.values()
         }
         assert all(c.metadata == {"offered_qos_profiles": LATCHED} for c in summary.channels.values())
         assert {record.name: record.metadata for record in reader.iter_metadata()}["note"] == {"key": "value"}

@@ -31,6 +31,7 @@ from tire_dynamics.replay.replay import replay
 from tire_dynamics.report import analysis, theory
 from tire_dynamics.report.findings import critical_range, number, seconds, summary
 from tire_dynamics.report.gather import Drive, gather, has_outputs
+from tire_dynamics.report.page import page as page_of
 from tire_dynamics.science.response import frequency_response
 from tire_dynamics.science.uncertainty import bands, value_of
 from tire_dynamics.science.uncertainty import sample as sample_units
@@ -629,7 +630,7 @@ def uncertain(tmp_path_factory) -> Path:
 class Elements(HTMLParser):
     def __init__(self):
         super().__init__()
-        self.found, self.ids, self.scripts, self._script = [], [], [], False
+        self.found, self.ids, self.scripts, self.texts, self._script = [], [], [], [], False
 
     def handle_starttag(self, tag, attributes):
         self.found.append((tag, dict(attributes)))
@@ -644,6 +645,8 @@ class Elements(HTMLParser):
     def handle_data(self, data):
         if self._script:
             self.scripts[-1] += data
+        else:
+            self.texts.append(data)
 
 
 def elements(page: Path) -> Elements:
@@ -740,11 +743,22 @@ def test_the_page_tells_harmonics_and_phases(uncertain, page):
     assert "has no angle" not in text and "Of all wheels the log has no angle" in page.read_text(encoding="utf-8")
 
 
+HOSTILE = "</script><script>alert('1')</script>\"&amp;{{ 7 * 7 }}"
+
+
 def test_hostile_names_stay_text(tmp_path):
+    """Of the drive, a topic, a parameter, a wheel; what the scripts read is the JSON that went in."""
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
-    folder = constant(tmp_path / "<script>alert(1)<", 0.5)
-    assert called("report", folder, "-o", tmp_path / "page.html").returncode == 0
-    assert "<script>alert" not in (tmp_path / "page.html").read_text(encoding="utf-8")
+    drive = drive_of(constant(tmp_path / "in", 0.5), tmp_path)
+    drive.wheels[0].name = drive.name = drive.parameters["wheels"] = HOSTILE
+    drive.topics[HOSTILE] = "a/msg/b", 1
+    drive.doubts.append(HOSTILE)
+    text, _ = page_of(drive)
+    (tmp_path / "page.html").write_text(text, encoding="utf-8")
+    found = elements(tmp_path / "page.html")
+    assert f"{HOSTILE} - tire_dynamics report" in found.texts
+    assert found.texts.count(HOSTILE) >= 5  # heading, button, tables
+    assert len(found.scripts) == 3 and json.loads(found.scripts[0])["wheels"] == [HOSTILE]
 
 
 @pytest.mark.filterwarnings("error")
@@ -810,8 +824,9 @@ def test_what_cannot_be_used_is_refused_with_one_line(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "page.html"]
 
 
-def test_without_plotly_it_says_how_to_get_it(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "plotly", None)
+@pytest.mark.parametrize("missing", ["plotly", "jinja2"])
+def test_without_what_the_page_is_made_with_it_says_how_to_get_it(tmp_path, monkeypatch, missing):
+    monkeypatch.setitem(sys.modules, missing, None)
     assert "pip install 'tire_dynamics[report]'" in refused("report", SAMPLE, "-o", tmp_path / "page.html")
 
 
@@ -952,7 +967,7 @@ def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path
     constant(tmp_path / "in", 0.1, begin=BEGIN + SECOND, speed=20.0)
     assert called("report", tmp_path / "in", "-o", tmp_path / "page.html").returncode == 0
     with opened(browser, tmp_path / "page.html", "phone") as view:
-        assert "No stretch of outputs is long enough" in view.inner_text("#spectra")
+        assert "No segment of outputs is long enough" in view.inner_text("#spectra")
         assert (
             "wheel: 0.29 turns above 10 rpm" in view.inner_text("#variation")
             and not view.locator("#plot-variation").count()
@@ -961,8 +976,8 @@ def test_a_bag_in_which_little_can_be_shown_still_makes_a_page(browser, tmp_path
 
 @given(st.floats(1.0, 1e6), st.floats(1.1, 1e4))
 def test_axes_of_equal_ratios_have_ticks_within(low, ratio):
-    from tire_dynamics.report.page import _log
+    from tire_dynamics.report.traces import log_axis
 
     assume(ratio > 10.0)
-    axis = _log(low, low * ratio)
+    axis = log_axis(low, low * ratio)
     assert axis["tickvals"] and all(low <= tick <= low * ratio for tick in axis["tickvals"])

@@ -146,6 +146,9 @@ def test_imbalance_on_the_road():
     wave = np.exp(1j * speed * t[last])
     for values, amplitude in ((found.axle_force[:, 1], expected.axle[0]), (found.contact_force, expected.contact[0])):
         assert values[last] - LOAD == pytest.approx((amplitude * wave).real, abs=2e-3 * abs(amplitude))
+    rest = simulate(unit, [0.0, 1e-3], speed, road=0.0, static_load=LOAD, n_max=6).axle_force[0, 0]
+    forward = found.axle_force[last, 0] - rest
+    assert forward == pytest.approx((expected.forward[0] * wave).real, abs=2e-3 * abs(expected.forward[0]))
 
 
 @models

@@ -23,6 +23,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from tire_dynamics.ros import typed
 from tire_dynamics.ros.node import TireDynamicsNode
 
 REPOSITORY = Path(__file__).parents[1]
@@ -31,6 +32,9 @@ COMMAND = [sys.executable, "-m", "tire_dynamics.cli.main", "node", "--ros-args"]
 PATIENCE = 180.0  # [s] after which what should have happened has not
 CLOCK = {"/clock"}
 TF = {"/tf_static"}
+WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+TYPED_TOPICS = {f"/{wheel}/{typed.TOPIC}" for wheel in WHEELS}  # with tire_dynamics_msgs: test/interfaces looks at them
+TYPED_SERVICES = {f"/{wheel}/{typed.SERVICE}" for wheel in WHEELS}
 MANAGING = ("change_state", "get_state", "get_available_states", "get_available_transitions", "get_transition_graph")
 
 # -- the form of the policy: the rules of SROS2's policy.xsd, version 0.2.0 --
@@ -185,6 +189,9 @@ def test_the_node_has_what_it_is_allowed_and_no_more(ros_domain, use_sim_time):
     may = allowed("tire_dynamics")
     assert may["publish"] >= TF  # for tf.parent_frame, which config/vehicle.yaml leaves empty
     may["publish"] -= TF
+    assert may["publish"] >= TYPED_TOPICS and may["reply"] >= TYPED_SERVICES
+    may["publish"] -= TYPED_TOPICS
+    may["reply"] -= TYPED_SERVICES
     if not use_sim_time:
         assert may["subscribe"] >= CLOCK
         may["subscribe"] -= CLOCK
@@ -202,7 +209,10 @@ def test_the_others_are_allowed_their_part_of_the_node_and_no_more(ros_domain):
     assert stability and len(logging) == 1 and parameters, "the search is broken"
     parts = {
         "feeder": {"publish": node["subscribe"]},
-        "listener": {"subscribe": node["publish"] - plain["publish"] - transitions, "request": stability},
+        "listener": {
+            "subscribe": (node["publish"] | TYPED_TOPICS) - plain["publish"] - transitions,
+            "request": stability | TYPED_SERVICES,
+        },
         "operator": {"subscribe": {"/diagnostics"} | transitions, "request": logging | parameters | managing},
     }
     enclaves = [enclave.get("path") for enclave in policy().iter("enclave")]

@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 import ring_frame
-from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from test_modes import Drive, Lagrangian, drives, units
 
+from examples import examples
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
 from tire_dynamics.science import rotating_excitation
 
@@ -471,7 +471,7 @@ def test_belt_is_the_sum_over_its_modes(model, damping):
 @models
 @both
 def test_belt_does_not_change_the_forces(model, damping):
-    """Only n = 1 reaches the wheel, however many modes are asked for, or none."""
+    """Under a given load n = 1 alone reaches the wheel, however many modes are asked for, or none."""
     unit, t = TireWheelUnit.table_1(sidewall_damping=damping), np.linspace(0.0, 0.05, 26)
     load, traction = inputs(t.size)
     bare = simulate(unit, t, 90.0 + 500.0 * t, load, traction, model=model)

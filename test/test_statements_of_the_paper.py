@@ -175,7 +175,7 @@ TO_30000_RPM = np.linspace(0.0, 30_000.0, 601) * RPM
 @models
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 10])
 def test_no_critical_speed_in_the_full_model(model, n):
-    """Coriolis, centrifugal and hoop-tension terms nearly cancel: the undamped amplitude hardly knows the speed."""
+    """Coriolis and centrifugal terms, with their tension, cancel: the undamped amplitude hardly knows the speed."""
     amplitudes = np.array([amplitude(model, n, speed, 0.0) for speed in TO_30000_RPM])
     assert np.isfinite(amplitudes).all()
     assert amplitudes.max() < 1.2 * amplitudes[0]

@@ -11,7 +11,7 @@ __all__ = ["Block"]
 
 
 class Block(NamedTuple):
-    """A stretch of a bag as columns; message ``i`` is ``data[start[i] : start[i] + size[i]]``.
+    """Messages of a bag as columns; message ``i`` is ``data[start[i] : start[i] + size[i]]``.
 
     Attributes
     ----------

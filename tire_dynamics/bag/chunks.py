@@ -1,7 +1,7 @@
 """Writes MCAP files chunk by chunk; messages come one by one or many at a time.
 
 The file is the one that the mcap library's ``Writer`` makes, without what each message costs there: a chunk's
-index is made from its bytes, by NumPy, when the chunk is finished. The rare records are the library's own.
+index is made from its bytes, by NumPy, when the chunk is finished.
 """
 
 from __future__ import annotations
@@ -9,17 +9,29 @@ from __future__ import annotations
 import struct
 import zlib
 from array import array
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, BinaryIO
 
-import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
-import zstandard
-from mcap import records
-from mcap.data_stream import RecordBuilder
-from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
+
+from .compression import compressor
+from .record_types import (
+    MAGIC,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    Metadata,
+    MetadataIndex,
+    Opcode,
+    Schema,
+    Statistics,
+    SummaryOffset,
+    bytes_of,
+)  # fmt: skip
 
 __all__ = ["HEAD", "ChunkWriter", "heads_at"]
 
@@ -39,13 +51,6 @@ _FIXED = HEAD.itemsize - 9  # bytes of the content before the data
 _INDEX_ENTRY = np.dtype([("log_time", "<u8"), ("offset", "<u8")])
 _INDEX = struct.Struct("<BQHI")  # opcode, length, channel, bytes of entries
 _FOOTER = struct.Struct("<BQQQ")  # opcode, length, summary start, summary offset start: what its CRC covers
-
-# Level 1 of zstd: on logs of the node level 3, the library's, saves another 1 % and takes half as long again or more.
-_COMPRESS: dict[str, Callable[[], Callable[[bytearray], bytes]]] = {
-    "": lambda: bytes,
-    "lz4": lambda: lz4.frame.compress,
-    "zstd": lambda: zstandard.ZstdCompressor(level=1).compress,
-}
 
 
 def heads_at(data: bytes | bytearray, starts: NDArray[np.int64]) -> NDArray[np.void]:
@@ -75,51 +80,43 @@ class ChunkWriter:
         self._stream = stream
         self._chunk_size = chunk_size
         self._compression = compression
-        self._compress = _COMPRESS[compression]()
-        self._schemas: list[records.Schema] = []
-        self._channels: list[records.Channel] = []
+        self._compress = compressor(compression)
+        self._schemas: list[Schema] = []
+        self._channels: list[Channel] = []
         # What the summary says of each chunk and metadata record, as the bytes that it will be: they are many.
         self._chunk_indexes, self._metadata_indexes = bytearray(), bytearray()
-        self._statistics = records.Statistics(
-            attachment_count=0,
-            channel_count=0,
-            channel_message_counts={},
-            chunk_count=0,
-            message_count=0,
-            message_end_time=0,
-            message_start_time=0,
-            metadata_count=0,
-            schema_count=0,
-        )
+        self._metadata_count = self._chunk_count = self._message_count = 0
+        self._start_time = self._end_time = 0
+        self._channel_counts: dict[int, int] = {}
         self._records = bytearray()  # of the chunk in the making
         self._starts = array("q")  # where its messages are
         self._failure: OSError | None = None
 
     def start(self, profile: str, library: str) -> None:
         """Begin the file."""
-        self._stream.write(MCAP0_MAGIC + _bytes_of(records.Header(profile, library)))
+        self._stream.write(MAGIC + bytes_of(Header(profile, library)))
 
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
         """Write a metadata record, before the chunk in the making."""
-        record = _bytes_of(records.Metadata(name, dict(data)))
-        index = _bytes_of(records.MetadataIndex(self._stream.tell(), len(record), name))
+        record = bytes_of(Metadata(name, dict(data)))
+        index = bytes_of(MetadataIndex(self._stream.tell(), len(record), name))
         self._stream.write(record)
         self._metadata_indexes += index
-        self._statistics.metadata_count += 1
+        self._metadata_count += 1
 
     def register_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Declare a schema; its id, from 1."""
-        schema = records.Schema(len(self._schemas) + 1, data, encoding, name)
+        schema = Schema(len(self._schemas) + 1, name, encoding, data)
         self._schemas.append(schema)
-        self._records += _bytes_of(schema)
+        self._records += bytes_of(schema)
         self._finish_full_chunk()
         return schema.id
 
     def register_channel(self, topic: str, message_encoding: str, schema_id: int, metadata: Mapping[str, str]) -> int:
         """Declare a channel; its id, from 1."""
-        channel = records.Channel(len(self._channels) + 1, topic, message_encoding, dict(metadata), schema_id)
+        channel = Channel(len(self._channels) + 1, schema_id, topic, message_encoding, dict(metadata))
         self._channels.append(channel)
-        self._records += _bytes_of(channel)
+        self._records += bytes_of(channel)
         self._finish_full_chunk()
         return channel.id
 
@@ -184,14 +181,16 @@ class ChunkWriter:
     def finish(self) -> None:
         """Write the end of the file."""
         self._finish_chunk()
-        self._stream.write(_bytes_of(records.DataEnd(0)))
+        self._stream.write(bytes_of(DataEnd(0)))
         start = self._stream.tell()
-        statistics = self._statistics
-        statistics.schema_count, statistics.channel_count = len(self._schemas), len(self._channels)
+        statistics = Statistics(
+            self._message_count, len(self._schemas), len(self._channels), 0, self._metadata_count, self._chunk_count,
+            self._start_time, self._end_time, self._channel_counts,
+        )  # fmt: skip
         groups: tuple[tuple[Opcode, bytes | bytearray], ...] = (
-            (Opcode.SCHEMA, _bytes_of(*self._schemas)),
-            (Opcode.CHANNEL, _bytes_of(*self._channels)),
-            (Opcode.STATISTICS, _bytes_of(statistics)),
+            (Opcode.SCHEMA, bytes_of(*self._schemas)),
+            (Opcode.CHANNEL, bytes_of(*self._channels)),
+            (Opcode.STATISTICS, bytes_of(statistics)),
             (Opcode.CHUNK_INDEX, self._chunk_indexes),
             (Opcode.ATTACHMENT_INDEX, b""),
             (Opcode.METADATA_INDEX, self._metadata_indexes),
@@ -199,13 +198,13 @@ class ChunkWriter:
         place, crc = start, 0
         offsets = []
         for opcode, group in groups:
-            offsets.append(records.SummaryOffset(opcode, place, len(group)))
+            offsets.append(SummaryOffset(opcode, place, len(group)))
             place += len(group)
             crc = zlib.crc32(group, crc)
             self._stream.write(group)
-        end = _bytes_of(*offsets)
+        end = bytes_of(*offsets)
         crc = zlib.crc32(_FOOTER.pack(Opcode.FOOTER, 8 + 8 + 4, start, place), zlib.crc32(end, crc))
-        self._stream.write(end + _bytes_of(records.Footer(start, place, crc)) + MCAP0_MAGIC)
+        self._stream.write(end + bytes_of(Footer(start, place, crc)) + MAGIC)
 
     def _finish_full_chunk(self) -> None:
         if len(self._records) > self._chunk_size:
@@ -229,40 +228,22 @@ class ChunkWriter:
         times = heads["log_time"]
         start, end = int(times.min()), int(times.max())
         stored = self._compress(data)
-        chunk = _bytes_of(records.Chunk(self._compression, stored, end, start, zlib.crc32(data), len(data)))
+        chunk = bytes_of(Chunk(start, end, len(data), zlib.crc32(data), self._compression, stored))
         position = self._stream.tell()
         offsets, index, counts = _message_index(heads["channel"], times, starts, position + len(chunk))
         self._stream.write(chunk)
         self._stream.write(index)
-        self._chunk_indexes += _bytes_of(
-            records.ChunkIndex(
-                chunk_length=len(chunk),
-                chunk_start_offset=position,
-                compression=self._compression,
-                compressed_size=len(stored),
-                message_end_time=end,
-                message_index_length=len(index),
-                message_index_offsets=offsets,
-                message_start_time=start,
-                uncompressed_size=len(data),
+        self._chunk_indexes += bytes_of(
+            ChunkIndex(
+                start, end, position, len(chunk), offsets, len(index), self._compression, len(stored), len(data)
             )
         )
-        statistics = self._statistics
-        statistics.chunk_count += 1
-        statistics.message_start_time = min(start, statistics.message_start_time) if statistics.message_count else start
-        statistics.message_end_time = max(end, statistics.message_end_time)
-        statistics.message_count += len(starts)
+        self._chunk_count += 1
+        self._start_time = min(start, self._start_time) if self._message_count else start
+        self._end_time = max(end, self._end_time)
+        self._message_count += len(starts)
         for channel, count in counts.items():
-            known = statistics.channel_message_counts.get(channel, 0)
-            statistics.channel_message_counts[channel] = known + count
-
-
-def _bytes_of(*some: records.McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in some:
-        record.write(builder)
-    data: bytes = builder.end()
-    return data
+            self._channel_counts[channel] = self._channel_counts.get(channel, 0) + count
 
 
 def _message_index(

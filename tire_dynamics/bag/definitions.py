@@ -1,15 +1,22 @@
 """Definitions of the messages that are written to bags, as ROS 2 Jazzy has them.
 
-They are data, so that nothing need be loaded or looked up to begin a log. A test holds them against rosbags, whose
-collection has every other type.
+They are data, so that nothing need be loaded or looked up to begin a log. Every other type is looked up where the ROS
+that is there has its definitions, or else in rosbags' collection of them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import functools
+import json
+import os
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Final
 
-__all__ = ["HASHES", "definition"]
+from ..cdr.definition import parse_definition
+
+__all__ = ["HASHES", "declaration", "definition", "known", "type_hash"]
 
 _FIELDS: Final = {
     "builtin_interfaces/msg/Time": """\
@@ -155,14 +162,97 @@ def definition(msgtype: str) -> str:
     str
         Its fields; then, each once and behind a rule, those of the types of its fields, theirs behind them.
     """
-    own, *others = dict.fromkeys(_nested(msgtype))
-    behind = (f"{_RULE}\nMSG: {other.replace('/msg/', '/')}\n{_FIELDS[other]}" for other in others)
-    return "".join([_FIELDS[own], *behind])
+    return _whole(msgtype, _FIELDS.__getitem__)
 
 
-def _nested(msgtype: str) -> Iterator[str]:
+@functools.cache
+def declaration(msgtype: str) -> tuple[bytes, str] | None:
+    """The definition of a type and the hash of its description.
+
+    Parameters
+    ----------
+    msgtype : str
+        One of :data:`HASHES`; or any in the ROS that has been sourced (``AMENT_PREFIX_PATH``); or any that rosbags
+        knows, if that is installed.
+
+    Returns
+    -------
+    tuple of (bytes, str) or None
+        As a bag wants them; None if the type is not known.
+    """
+    if msgtype in HASHES:
+        return definition(msgtype).encode(), HASHES[msgtype]
+    if not re.fullmatch(r"\w+/msg/\w+", msgtype):
+        return None
+    return _of_ros(msgtype) or _of_rosbags(msgtype)
+
+
+def known(msgtype: str) -> str | None:
+    """The definition of a type that :func:`declaration` knows."""
+    declared = declaration(msgtype)
+    return None if declared is None else declared[0].decode()
+
+
+def type_hash(msgtype: str, text: str) -> str:
+    """The hash of a type's description (REP 2016), of its definition; "" if it cannot be made out."""
+    declared = declaration(msgtype)
+    try:
+        if declared and parse_definition(declared[0].decode(), msgtype) == parse_definition(text, msgtype):
+            return declared[1]
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, msgtype))
+        return store.hash_rihs01(msgtype)
+    except Exception:  # whatever the library makes of a text that it cannot read, or that it is not there
+        return ""
+
+
+def _of_ros(msgtype: str) -> tuple[bytes, str] | None:
+    try:
+        described = json.loads(_shared(msgtype, ".json"))
+        hashes = {each["type_name"]: each["hash_string"] for each in described["type_hashes"]}
+        return _whole(msgtype, lambda name: _shared(name, ".msg")).encode(), str(hashes[msgtype])
+    except (OSError, ValueError, KeyError, TypeError):  # not there, or not as rosidl installs it
+        return None
+
+
+def _shared(msgtype: str, ending: str) -> str:
+    """A file that a message package has installed; OSError if there is none."""
+    package, _, name = msgtype.split("/")
+    for prefix in filter(None, os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)):
+        file = Path(prefix) / "share" / package / "msg" / f"{name}{ending}"
+        if file.is_file():
+            return file.read_text(encoding="utf-8")
+    raise FileNotFoundError(msgtype)
+
+
+def _of_rosbags(msgtype: str) -> tuple[bytes, str] | None:
+    try:
+        from rosbags.typesys import Stores, get_typestore  # a quarter of a second
+    except ImportError:
+        return None
+    store = get_typestore(Stores.ROS2_JAZZY)
+    if msgtype not in store.types:
+        return None
+    text, _ = store.generate_msgdef(msgtype, ros_version=2)
+    return text.encode(), store.hash_rihs01(msgtype)
+
+
+def _whole(msgtype: str, fields: Callable[[str], str]) -> str:
+    own, *others = dict.fromkeys(_nested(msgtype, fields))
+    behind = (f"{_RULE}\nMSG: {other.replace('/msg/', '/')}\n{fields(other)}" for other in others)
+    return "".join([fields(own), *behind])
+
+
+def _nested(msgtype: str, fields: Callable[[str], str]) -> Iterator[str]:
+    """A type and those of its fields, each before its own."""
     yield msgtype
-    for line in _FIELDS[msgtype].splitlines():
-        kind = line.split()[0].removesuffix("[]")
+    package = msgtype.split("/")[0]
+    for line in fields(msgtype).splitlines():
+        words = line.partition("#")[0].split()
+        kind = words[0].partition("[")[0] if len(words) > 1 else ""
         if "/" in kind:
-            yield from _nested(kind.replace("/", "/msg/"))
+            yield from _nested(kind.replace("/", "/msg/"), fields)
+        elif kind[:1].isupper():  # of the same package
+            yield from _nested(f"{package}/msg/{kind}", fields)

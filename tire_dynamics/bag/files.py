@@ -10,18 +10,17 @@ from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import yaml
-import zstandard
-from mcap.writer import MCAP0_MAGIC
 
 from ..files.errors import InputError, missing
-from .records import ZSTD_MAGIC
+from .compression import ZSTD_MAGIC, CompressionError, ZstdStream
+from .record_types import MAGIC
 
 __all__ = ["MCAP", "ROS1", "SQLITE", "Found", "Unpacking", "absent", "files_of", "kind_of", "yaml_texts"]
 
 MCAP, SQLITE, ROS1, ZSTD, LFS, EMPTY, OTHER = "mcap", "sqlite3", "ROS 1", "zstd", "lfs", "empty", ""
 
 _BEGINS = {
-    MCAP0_MAGIC: MCAP,
+    MAGIC: MCAP,
     b"SQLite format 3\0": SQLITE,
     b"#ROSBAG V": ROS1,
     ZSTD_MAGIC: ZSTD,
@@ -100,17 +99,17 @@ def _unpack(path: Path, place: Path) -> str:
     whole = True
     try:
         with open(path, "rb") as file, open(place, "wb") as unpacked:
-            frame = zstandard.ZstdDecompressor().decompressobj()
+            frame = ZstdStream()
             while piece := file.read(_PIECE):
                 while piece:
                     if whole and unpacked.tell():  # one frame after the other
-                        frame = zstandard.ZstdDecompressor().decompressobj()
+                        frame = ZstdStream()
                     unpacked.write(frame.decompress(piece))
-                    whole = bool(frame.eof)
+                    whole = frame.eof
                     piece = frame.unused_data if whole else b""
                 if unpacked.tell() > most:
                     raise InputError(f"{path}: claims to hold more than {_MAX_RATIO} times its size")
-    except zstandard.ZstdError as error:
+    except CompressionError as error:
         return f"its compression is damaged: {' '.join(str(error).split())}"
     except OSError as error:
         raise InputError(f"{path}: cannot be unpacked into {place.parent}: {error.strerror}") from None

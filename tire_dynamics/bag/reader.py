@@ -1,17 +1,18 @@
 """Reads rosbag2 bags, and single files of a bag.
 
-Files of other storages than MCAP are read by ``foreign``. For MCAP the reader takes record layouts from the mcap
-library, but walks the file itself: bags come from strangers and from nodes that were killed, so every length is
-checked before it is believed, a file without its end is read as far as it goes, and memory holds a chunk or a few,
-whatever the length of the bag.
+Files of other storages than MCAP are read by ``foreign``. Bags come from strangers and from nodes that were killed, so
+every length is checked before it is believed, a file without its end is read as far as it goes, and memory holds a
+chunk or a few, whatever the length of the bag.
 
 A span is a piece of a file that holds whole records: a chunk, or a run of messages outside chunks.
+
+The file is long because the reader of a bag, the walk through one MCAP file and the order of messages across chunks
+share one state: what has been declared, where the spans are, and what was found damaged.
 """
 
 from __future__ import annotations
 
 import heapq
-import io
 import os
 import struct
 import zlib
@@ -23,17 +24,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
 
 import numpy as np
-from mcap import records
-from mcap.data_stream import ReadDataStream
-from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from ..files.errors import InputError
 from .block import Block
 from .chunks import HEAD, heads_at
 from .clock import CLOCKS, on_clock
+from .fields import OTHER_FIELDS, has_other_fields
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
+from .record_types import MAGIC, Channel, Metadata, MetadataIndex, Opcode, Schema, Statistics
 from .records import (
     CHUNK,
     DAMAGE,
@@ -69,7 +68,7 @@ _CHUNK_OPCODE = bytes([Opcode.CHUNK])
 _CHUNK_INDEX = struct.Struct("<QQQQI")  # start, end, offset, length, bytes of the message indexes' places
 _INDEX_PLACE = np.dtype([("channel", "<u2"), ("offset", "<u8")])
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, summary start, summary offset start, CRC
-_FOOTER_LENGTH = _FOOTER.size + len(MCAP0_MAGIC)
+_FOOTER_LENGTH = _FOOTER.size + len(MAGIC)
 
 Message = tuple[str, str, int, int, bytes]
 """Topic, message type, log time and publish time [ns], serialised message."""
@@ -191,6 +190,13 @@ class BagReader:
         """Whether every file has its end."""
         return not self.damage
 
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a message type that the bag carries, as ``ros2msg`` has it; None if it carries none."""
+        for file in self._all:
+            if (text := file.definition(msgtype)) is not None:
+                return text
+        return None
+
     def rare(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time and content of the messages of a topic of few, in the order of the files.
 
@@ -300,24 +306,24 @@ class BagReader:
         routes = [file.routes(wanted, numbers) for file in self._files]
         spans = np.concatenate([np.array(file.spans, np.uint64).reshape(-1, 3) for file in self._files])
         owner = np.repeat(np.arange(len(self._files)), [len(file.spans) // 3 for file in self._files])
-        stretch = _Stretch(tuple(self.topics))
+        pending = _Pending(tuple(self.topics))
         for place in range(len(spans)) if in_file_order else np.argsort(spans[:, 0]):
             start, offset, length = (int(number) for number in spans[place])
             file = self._files[owner[place]]
-            stretch.release(None if in_file_order else start)  # what is still to come begins at start or later
-            if stretch.ready >= least or stretch.full:
-                yield from stretch.take()
+            pending.release(None if in_file_order else start)  # what is still to come begins at start or later
+            if pending.ready >= least or pending.full:
+                yield from pending.take()
             try:
                 with reading(file.path):
                     data, rows = file.read(offset, length, routes[owner[place]])
-                    stretch.add(data, rows, int(place))
+                    pending.add(data, rows, int(place))
                     if not in_file_order:
-                        stretch.sort(start)
+                        pending.sort(start)
             except InputError as error:
-                yield from stretch.take()
+                yield from pending.take()
                 raise InputError(f"{error}; tire-dynamics recover keeps what is whole") from None
-        stretch.release(None)
-        yield from stretch.take()
+        pending.release(None)
+        yield from pending.take()
 
     def _foreign_blocks(
         self, wanted: Collection[str] | None, numbers: Mapping[str, int], in_file_order: bool, least: int
@@ -349,7 +355,7 @@ def _block(rows: Sequence[tuple[str, int, bytes]], topics: Iterable[str], number
     return Block(tuple(topics), topic, log_time, log_time.copy(), b"".join(data), np.cumsum(size) - size, size)
 
 
-class _Stretch:
+class _Pending:
     """Messages that have been read: those of the next block, and those held back until their turn is known."""
 
     def __init__(self, topics: tuple[str, ...]) -> None:
@@ -439,16 +445,23 @@ class _BagFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.count, self.start, self.end = 0, _NO_TIME, 0
         self.damage = ""
-        self.counts: dict[int, int] | None = {}  # messages by channel, None if they are not told
+        self.counts: dict[int, int] | None = {}  # messages by channel, None if they are not known
         self.qos: dict[int, str] = {}  # by channel, if there is room
         self._room = _MAX_QOS
         self.chunks: Counter[str] = Counter()  # by compression
         self.kept: int = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
+        self._others: set[int] = set()  # schemas whose text is not that of their type
+        self._definitions: dict[str, bytes] = {}  # by type, those in ros2msg
         self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
         # Log time of the first message, offset and length of each span, in the order of the file; plain
         # numbers, because an hour of driving has tens of thousands of spans.
         self.spans = array("Q")
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        text = self._definitions.get(msgtype)
+        return None if text is None else text.decode("utf-8", "replace")
 
     def routes(self, wanted: Collection[str] | None, numbers: Mapping[str, int]) -> NDArray[np.int64]:
         """The number of the topic by channel; the last is for all channels beyond."""
@@ -485,23 +498,28 @@ class _BagFile:
 
     def _add_record(self, opcode: int, content: bytes) -> None:
         """Take in a record that describes messages, wherever it stands."""
-        stream = ReadDataStream(io.BytesIO(content))
         if opcode == Opcode.SCHEMA or opcode == Opcode.CHANNEL:
             key, value = (opcode, content[:2]), hash(content)
             if self._seen.get(key) == value:
                 return  # said again, as recorders may in every chunk
             self._seen[key] = value
         if opcode == Opcode.SCHEMA:
-            schema = records.Schema.read(stream)
+            schema = Schema.read(content)
             name = self._schemas.setdefault(schema.id, schema.name)
             if name != schema.name:
                 raise DamageError(f"schema {schema.id} is declared twice, as {name[:100]} and {schema.name[:100]}")
             self._keep(len(name))
+            if schema.encoding == "ros2msg" and has_other_fields(name, schema.data.decode("utf-8", "replace")):
+                self._others.add(schema.id)
+            if schema.encoding == "ros2msg" and name not in self._definitions:
+                self._keep(len(schema.data))
+                self._definitions[name] = schema.data
         elif opcode == Opcode.CHANNEL:
-            channel = records.Channel.read(stream)
+            channel = Channel.read(content)
             if channel.schema_id not in self._schemas:
                 raise DamageError(f"{channel.topic[:100]} has no schema")
-            new = channel.topic, self._schemas[channel.schema_id], channel.message_encoding
+            odd = channel.message_encoding == "cdr" and channel.schema_id in self._others
+            new = channel.topic, self._schemas[channel.schema_id], OTHER_FIELDS if odd else channel.message_encoding
             old = self.channels.setdefault(channel.id, new)
             if old != new:
                 raise DamageError(f"channel {channel.id} is declared twice, as {old[0][:100]} and {new[0][:100]}")
@@ -512,7 +530,7 @@ class _BagFile:
             self._keep(len(new[0]) + len(new[2]))
         elif opcode == Opcode.METADATA:
             self._keep(len(content))
-            metadata = records.Metadata.read(stream)
+            metadata = Metadata.read(content)
             self.metadata[metadata.name] = metadata.metadata
 
     def _keep(self, length: int) -> None:
@@ -532,9 +550,9 @@ class _BagFile:
                 self.spans.extend((start, offset, chunk_length))
                 self.chunks[_compression(content)] += 1
             elif opcode == Opcode.STATISTICS:
-                statistics = records.Statistics.read(ReadDataStream(io.BytesIO(content)))
+                statistics = Statistics.read(content)
             elif opcode == Opcode.METADATA_INDEX:
-                metadata_indexes.append(records.MetadataIndex.read(ReadDataStream(io.BytesIO(content))))
+                metadata_indexes.append(MetadataIndex.read(content))
             else:
                 self._add_record(opcode, content)
         if statistics is None or statistics.chunk_count != len(self.spans) // 3:
@@ -558,7 +576,7 @@ class _BagFile:
 
     def _walk(self, file: BinaryIO, size: int) -> None:
         """Go through the file from its beginning to the end of its data, or to the first damage."""
-        position = after = len(MCAP0_MAGIC)
+        position = after = len(MAGIC)
         file.seek(position)
         run: list[int] = []  # span of messages outside chunks
         try:
@@ -627,7 +645,7 @@ class _BagFile:
                     if opcode == Opcode.CHUNK_INDEX:
                         _, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
                         index = np.frombuffer(content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size], _INDEX_PLACE)
-                        if not size:  # not told
+                        if not size:  # not known
                             return everywhere
                         if np.isin(index["channel"], list(channels)).any():
                             found.append((offset, length))
@@ -666,7 +684,7 @@ def _summary(file: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
     file.seek(max(size - _FOOTER_LENGTH, 0))
     footer = file.read()
     opcode, _, position, _, crc = _FOOTER.unpack_from(footer)
-    if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MCAP0_MAGIC or not position:
+    if opcode != Opcode.FOOTER or footer[_FOOTER.size :] != MAGIC or not position:
         raise DamageError("no summary")
     actual_crc = 0
     file.seek(position)

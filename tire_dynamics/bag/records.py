@@ -1,6 +1,6 @@
 """Records of MCAP files: their layouts, and what may be believed of their lengths.
 
-Layouts are those of the mcap library; every length is checked before it is believed.
+Every length is checked before it is believed.
 """
 
 from __future__ import annotations
@@ -13,15 +13,13 @@ from itertools import repeat
 from pathlib import Path
 from typing import BinaryIO
 
-import lz4.frame  # type: ignore[import-untyped]
 import numpy as np
-import zstandard
-from mcap.exceptions import McapError
-from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from ..files.errors import InputError
 from .chunks import HEAD
+from .compression import ZSTD_MAGIC, CompressionError, lz4_data, zstd_data, zstd_size
+from .record_types import DamageError, Opcode
 
 __all__ = [
     "CHUNK", "DAMAGE", "DamageError", "MAX_CHUNK", "MAX_KEPT", "MAX_RECORD", "MESSAGE", "RECORD", "RUN", "ZSTD_MAGIC",
@@ -49,24 +47,16 @@ MESSAGE = struct.Struct("<HIQQ")
 CHUNK = struct.Struct("<QQQII")
 """Start, end, uncompressed size, CRC, length of the compression's name."""
 
-ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
-"""How a zstd frame begins, and no serialised message does: the first byte of CDR is 0."""
-
 _MAX_CHUNK_RECORDS = 500_000
 _LARGE_CHUNK, _MAX_RATIO = 16 * 2**20, 1000  # no recording of more than so many bytes is compressed so well
 _STEP = 2**16  # records that are looked at together
 _LENGTH = struct.Struct("<Q")
 
 
-class DamageError(ValueError):
-    """What is wrong with the bytes of a bag."""
-
-
 # What the libraries raise on bytes that are not what they are said to be.
 DAMAGE = (
     ValueError,  # DamageError and UnicodeDecodeError among them
     struct.error,
-    McapError,
     MemoryError,
     OverflowError,
 )
@@ -146,14 +136,14 @@ def chunk_records(content: memoryview) -> bytes:
             data = bytes(stored)
         elif compression == b"zstd":
             # The library would allocate what the frame claims.
-            if zstandard.frame_content_size(stored) not in (size, -1):
+            if zstd_size(stored) not in (size, -1):
                 raise DamageError("a chunk has another size than it claims")
-            data = zstandard.ZstdDecompressor().decompress(stored, max_output_size=size)
+            data = zstd_data(stored, size)
         elif compression == b"lz4":
-            data = lz4.frame.LZ4FrameDecompressor().decompress(stored, max_length=size)
+            data = lz4_data(stored, size)
         else:
             raise DamageError(f"a chunk's compression {compression[:20]!r} is not known")
-    except (zstandard.ZstdError, RuntimeError) as error:  # RuntimeError: lz4's
+    except CompressionError as error:
         raise DamageError(f"a chunk cannot be decompressed: {error}") from None
     if len(data) != size:
         raise DamageError("a chunk has another size than it claims")
@@ -164,10 +154,13 @@ def chunk_records(content: memoryview) -> bytes:
 
 def unpacked_message(data: bytes) -> bytes:
     """A message that rosbag2 has compressed by itself (``compression_mode: message``); ``DamageError`` if it cannot."""
-    size = zstandard.frame_content_size(data)
+    try:
+        size = zstd_size(data)
+    except CompressionError as error:
+        raise DamageError(f"a message cannot be decompressed: {one_line(error)}") from None
     if size > max(_LARGE_CHUNK, _MAX_RATIO * len(data)) or size > MAX_CHUNK:
         raise DamageError(f"a message claims {size} bytes in {len(data)}")
     try:
-        return zstandard.ZstdDecompressor().decompress(data, max_output_size=0 if size >= 0 else MAX_CHUNK)
-    except zstandard.ZstdError as error:
+        return zstd_data(data, size if size >= 0 else MAX_CHUNK)
+    except CompressionError as error:
         raise DamageError(f"a message cannot be decompressed: {one_line(error)}") from None

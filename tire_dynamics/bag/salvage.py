@@ -8,7 +8,6 @@ for them. What the summary declares is used if the summary's checksum is right.
 
 from __future__ import annotations
 
-import io
 import os
 import zlib
 from array import array
@@ -18,13 +17,10 @@ from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
 import numpy as np
-from mcap import records
-from mcap.data_stream import ReadDataStream, RecordBuilder
-from mcap.opcode import Opcode
-from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
 from .chunks import HEAD, heads_at
+from .record_types import MAGIC, Channel, Header, Metadata, Opcode, Schema, Statistics
 from .records import (
     CHUNK,
     DAMAGE,
@@ -54,10 +50,10 @@ _CHUNKED, _UNCHUNKED, _UNSURE, _LOST, _LOST_BEHIND = range(5)
 
 _CHUNKLESS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)  # what a chunk holds, and may stand outside
 _KINDS: dict[int, Any] = {
-    Opcode.HEADER: records.Header,
-    Opcode.SCHEMA: records.Schema,
-    Opcode.CHANNEL: records.Channel,
-    Opcode.METADATA: records.Metadata,
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
 }
 # The least and the greatest length of a record's content, by opcode.
 _LIMITS = np.zeros((2, 256), np.int64)
@@ -87,7 +83,7 @@ class Declared(NamedTuple):
 
 
 class Lost(NamedTuple):
-    """A stretch of the file that cannot be used; ``messages`` if there may have been messages in it."""
+    """A part of the file that cannot be used; ``messages`` if there may have been messages in it."""
 
     offset: int
     length: int
@@ -209,7 +205,7 @@ class Salvage:
         self.reasons[reason if known else "other damage"] += 1
 
     def _lose(self, start: int, end: int) -> None:
-        """Give up a stretch of the file."""
+        """Give up a part of the file."""
         pieces = self._pieces
         if pieces and pieces[-3] in (_LOST, _LOST_BEHIND) and pieces[-2] == start:  # it goes on
             self.bytes_lost -= pieces[-1]
@@ -232,11 +228,11 @@ class Salvage:
         ``lost`` is since where all was damaged before it, if it was.
         """
         head = _at(file, position, RECORD.size + CHUNK.size + 16)
-        if head.startswith(MCAP0_MAGIC):
-            self._ended = 0 < position == self.size - len(MCAP0_MAGIC)
+        if head.startswith(MAGIC):
+            self._ended = 0 < position == self.size - len(MAGIC)
             if lost is not None:
                 self._lose(lost, position)
-            return position + len(MCAP0_MAGIC)
+            return position + len(MAGIC)
         if position == 0:
             raise DamageError("it does not begin as an MCAP file")
         opcode, end = self._frame(head, position)
@@ -262,11 +258,11 @@ class Salvage:
             return end
         self._sure = True
         if opcode == Opcode.METADATA:
-            record = records.Metadata.read(ReadDataStream(io.BytesIO(content)))
+            record = Metadata.read(content)
             self._keep(len(content))
             self.metadata.append((record.name, record.metadata))
         elif opcode == Opcode.STATISTICS:
-            self.expected = records.Statistics.read(ReadDataStream(io.BytesIO(content))).message_count
+            self.expected = Statistics.read(content).message_count
         elif opcode == Opcode.ATTACHMENT:
             self.attachments += 1
         elif opcode == Opcode.DATA_END:
@@ -356,7 +352,7 @@ class Salvage:
         """Whether at a place there are the heads of so many records, or the end of the file."""
         for _ in range(count):
             head = _at(file, position, RECORD.size)
-            if position == self.size or head.startswith(MCAP0_MAGIC) or head == MCAP0_MAGIC[: len(head)]:
+            if position == self.size or head.startswith(MAGIC) or head == MAGIC[: len(head)]:
                 return True
             try:
                 _, position = self._frame(head, position)
@@ -387,7 +383,7 @@ class Salvage:
         places = np.arange(first, first + count)
         least, most = _LIMITS[:, octets[:count]]
         fits = (least <= lengths) & (lengths <= np.minimum(most, self.size - RECORD.size - places))
-        magic = np.frombuffer(MCAP0_MAGIC, np.uint8)
+        magic = np.frombuffer(MAGIC, np.uint8)
         fits |= (octets[:count] == magic[0]) & (octets[1 : count + 1] == magic[1]) & (octets[2 : count + 2] == magic[2])
         return first, first + count, places[fits]
 
@@ -450,7 +446,7 @@ class _State:
         self._first = first
         self._declared = declared
         self._indices: dict[Declared, int] = {}
-        self._parsed: dict[bytes, records.Schema] = {b"": records.Schema(0, b"", "", "")}
+        self._parsed: dict[bytes, Schema] = {b"": Schema(0, "", "", b"")}
         self._schemas: dict[int, bytes | None] = {0: b""}
         self._channels: dict[int, tuple[int, int]] = {}  # id to index of what is declared, hash of the record
 
@@ -483,13 +479,13 @@ class _State:
                 self.route(number)
 
     def _index(self, content: bytes) -> int:
-        channel = records.Channel.read(ReadDataStream(io.BytesIO(content)))
+        channel = Channel.read(content)
         data = self._schemas.get(channel.schema_id, self._first.get((Opcode.SCHEMA, channel.schema_id)))
         if data is None:
             return -1
         schema = self._parsed.get(data)
         if schema is None:
-            schema = self._parsed[data] = records.Schema.read(ReadDataStream(io.BytesIO(data)))
+            schema = self._parsed[data] = Schema.read(data)
         if max(len(channel.topic), len(schema.name)) > _MAX_NAME:
             return -1
         new = Declared(
@@ -508,10 +504,7 @@ class _State:
 
 def _known_part(opcode: int, content: bytes) -> bytes:
     """The content of a record up to the last field that is known: others may be appended, and are to be ignored."""
-    record = _KINDS[opcode].read(ReadDataStream(io.BytesIO(content)))
-    builder = RecordBuilder()
-    record.write(builder)  # the library takes a text that is cut off for a shorter one
-    known: bytes = builder.end()[RECORD.size :]
+    known: bytes = _KINDS[opcode].read(content).content()
     if not content.startswith(known):
         raise DamageError("a record does not fit")
     return known

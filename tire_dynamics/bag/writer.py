@@ -20,8 +20,8 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from ..files.errors import InputError
-from . import definitions
 from .chunks import ChunkWriter
+from .definitions import declaration, type_hash
 from .reader import yaml_texts
 from .salvage import Declared
 
@@ -49,20 +49,6 @@ _QOS: dict[str, dict[str, Any]] = {
 _TOPIC = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _MAX_QOS = 2**16  # characters
 _NO_TIME = 2**63 - 1  # rosbag2's starting time of a bag without messages
-
-
-@functools.cache
-def _declaration(msgtype: str) -> tuple[bytes, str] | None:
-    """A message type's definition and the hash of its description; None if it is not known."""
-    if msgtype in definitions.HASHES:
-        return definitions.definition(msgtype).encode(), definitions.HASHES[msgtype]
-    from rosbags.typesys import Stores, get_typestore  # every type of the common interfaces; a quarter of a second
-
-    store = get_typestore(Stores.ROS2_JAZZY)
-    if msgtype not in store.types:
-        return None
-    text, _ = store.generate_msgdef(msgtype, ros_version=2)
-    return text.encode(), store.hash_rihs01(msgtype)
 
 
 class BagWriter:
@@ -157,7 +143,7 @@ class BagWriter:
         """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
         return ChunkWriter(file, chunk_size, compression)
 
-    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data") -> int:
+    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data", definition: str | None = None) -> int:
         """Declare a topic.
 
         Parameters
@@ -165,9 +151,11 @@ class BagWriter:
         name : str
             Absolute, such as "/front_left/load".
         msgtype : str
-            Such as "geometry_msgs/msg/WrenchStamped"; any message of ROS 2 Jazzy's common interfaces.
+            Such as "geometry_msgs/msg/WrenchStamped"; any message of the ROS that is there, or that rosbags knows.
         qos : str
             The profile it is offered with: "sensor_data" or "default".
+        definition : str, optional
+            Of a type that is not in the common interfaces, with those of all types in it.
 
         Returns
         -------
@@ -183,10 +171,12 @@ class BagWriter:
             raise InputError(f"{name!r} is not an absolute ROS topic name")
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
-        declaration = _declaration(msgtype)
-        if declaration is None:
+        declared = declaration(msgtype)
+        if definition is not None:
+            declared = definition.encode(), type_hash(msgtype, definition)
+        if declared is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
-        text, type_hash = declaration
+        text, description_hash = declared
         if msgtype not in self._schemas:
             self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
         topic = {
@@ -194,7 +184,7 @@ class BagWriter:
             "type": msgtype,
             "serialization_format": "cdr",
             "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": type_hash,
+            "type_description_hash": description_hash,
         }
         channel = {
             "offered_qos_profiles": _qos_text(qos),

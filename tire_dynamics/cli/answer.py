@@ -9,7 +9,9 @@ import sys
 from collections.abc import Mapping
 from typing import Any
 
-__all__ = ["add_arguments", "answer", "plain", "printable"]
+__all__ = ["add_arguments", "answer", "one_line", "plain", "printable"]
+
+_MAX_LINE = 2000  # characters of an error: a stranger's file may have a million topics to list
 
 
 def add_arguments(parser: argparse.ArgumentParser, *, quiet: bool = True) -> None:
@@ -42,6 +44,12 @@ def answer(options: argparse.Namespace, content: Mapping[str, Any], *lines: str)
 def printable(text: str) -> str:
     """A text as one line of what a terminal can show; names in it may be a stranger's."""
     return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+
+
+def one_line(text: str) -> str:
+    """A text of any kind as one such line, not endless."""
+    text = " ".join(text.split())
+    return printable(text if len(text) <= _MAX_LINE else f"{text[:_MAX_LINE]} ...")
 
 
 def plain(value: Any) -> Any:

@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 __all__ = ["RECORD", "add_arguments", "run"]
 
 
-_TURNING = {"rad/s": (1.0, ""), "rpm": (math.pi / 30.0, " * pi/30"), "rev/s": (2.0 * math.pi, " * 2 pi")}
-_TURNING["deg/s"] = (math.pi / 180.0, " * pi/180")
+_ANGULAR = {"rad/s": (1.0, ""), "rpm": (math.pi / 30.0, " * pi/30"), "rev/s": (2.0 * math.pi, " * 2 pi")}
+_ANGULAR["deg/s"] = (math.pi / 180.0, " * pi/180")
 _ROLLING = {"m/s": (1.0, ""), "km/h": (1.0 / 3.6, " / 3.6"), "mph": (0.44704, " * 0.44704")}
 _FORCES = {"N": (1.0, ""), "kN": (1e3, " * 1000"), "daN": (10.0, " * 10"), "lbf": (4.4482216152605, " * 4.44822")}
 _FORCES["kgf"] = (GRAVITY, f" * {GRAVITY}")
@@ -36,39 +36,30 @@ _ACCELERATIONS = {"m/s^2": (1.0, ""), "g": (GRAVITY, f" * {GRAVITY}")}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Makes an input bag of /joint_states and /<wheel>/load from two CSV files, or from one given twice. The line "
         "with the columns' names is found behind whatever stands before it; commas, semicolons, tabs, decimal commas, "
         "a row of units, comments and dates are recognised, and what was is said. A blank cell is no sample; rows that "
-        "cannot be used are left out and counted; rows out of order are sorted by time. What is hardly meant so, such "
-        "as a load in kN, is said. With --forces the bag is replayed at once."
+        "cannot be used are left out and counted; rows out of order are sorted by time. Doubtful values, such as "
+        "a load in kN, are named. With --forces the bag is replayed at once."
     )
     speed = parser.add_argument_group("wheel speeds")
-    speed.add_argument("--speed", metavar="FILE", required=True, help="CSV file of the wheel speeds")
-    speed.add_argument(
-        "--speed-columns", metavar="WHEEL=COLUMN", nargs="+", required=True, help="each wheel and its column"
-    )
+    speed.add_argument("--speed", metavar="FILE", help="CSV file of the wheel speeds")
+    speed.add_argument("--speed-columns", metavar="WHEEL=COLUMN", nargs="+", help="each wheel and its column")
     speed.add_argument(
         "--speed-unit",
-        choices=(*_TURNING, *_ROLLING),
+        choices=(*_ANGULAR, *_ROLLING),
         help="default: what the header says, else rad/s",
     )
     speed.add_argument("--rolling-radius", metavar="M", type=float, help="[m], to make rad/s of m/s, km/h or mph")
     speed.add_argument("--speed-time-column", metavar="COLUMN", help="times of this file, if not --time-column")
     load = parser.add_argument_group("wheel loads")
-    load.add_argument("--load", metavar="FILE", required=True, help="CSV file of the vertical loads")
+    load.add_argument("--load", metavar="FILE", help="CSV file of the vertical loads")
     load.add_argument(
         "--load-columns",
         metavar="[WHEEL=]COLUMN",
         nargs="+",
-        required=True,
         help="each wheel and its column, or one column for every wheel",
     )
     load.add_argument(
@@ -77,7 +68,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a force, up positive, or with m/s^2 and g an acceleration: the load is estimated as corner mass times "
         "|acceleration|, gravity included; default: what the header says, else N",
     )
-    load.add_argument("--corner-mass", metavar="KG", type=float, help="[kg], to estimate N from an acceleration")
+    load.add_argument(
+        "--corner-mass",
+        metavar="KG",
+        type=float,
+        help="[kg], to estimate N from an acceleration; where the loads are forces, to compare them with its weight",
+    )
     load.add_argument("--load-time-column", metavar="COLUMN", help="times of this file, if not --time-column")
     time = parser.add_argument_group("time")
     time.add_argument(
@@ -93,6 +89,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="move the first sample to this time, seconds since the epoch; default: times stay as recorded",
     )
+    whole = parser.add_argument_group("any quantities")
+    whole.add_argument(
+        "--inputs",
+        metavar="YAML",
+        help="instead of all these: a field map, whose topics are CSV files beside it and whose fields are their "
+        "columns; stamp is the column of time, with its unit behind it",
+    )
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
     parser.add_argument("--force", action="store_true", help="replace what exists of OUT and FORCES")
     forces = parser.add_argument_group("forces")
@@ -103,22 +106,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do the import that the options ask for, and say on standard error what was made and what was left out.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        If the options contradict each other, a file or column cannot be used, or the output exists.
+    ``InputError``: if the options contradict each other, a file or column cannot be used, or the output exists.
     """
     _check_forces(options)
+    if options.inputs is not None:
+        from . import map_import
+
+        map_import.run(options)
+        if options.forces is not None:
+            _replayed(options)
+        return 0
+    absent = [name for name in ("speed", "speed_columns", "load", "load_columns") if getattr(options, name) is None]
+    if absent:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in absent)
+        raise InputError(f"needs {names}, or --inputs (see tire-dynamics import --help)")
     speed_columns = _speed_columns(options.speed_columns)
     wheels = list(speed_columns)
     load_columns = _load_columns(options.load_columns, wheels)
@@ -291,8 +292,8 @@ def _load_columns(pairs: Sequence[str], wheels: Sequence[str]) -> dict[str, str]
 
 def _angular_speeds(options: argparse.Namespace, unit: str, speeds: NDArray[np.float64]) -> NDArray[np.float64]:
     """Speeds [rad/s] of speeds in the file's unit."""
-    if unit in _TURNING:
-        return speeds if unit == "rad/s" else speeds * _TURNING[unit][0]
+    if unit in _ANGULAR:
+        return speeds if unit == "rad/s" else speeds * _ANGULAR[unit][0]
     return (speeds if unit == "m/s" else speeds * _ROLLING[unit][0]) / options.rolling_radius
 
 
@@ -307,12 +308,13 @@ def _formulas(options: argparse.Namespace, speed_unit: str, load_unit: str) -> t
     """What is done to speeds and loads, in words; ``InputError`` if the options do not fit together."""
     radius, mass = options.rolling_radius, options.corner_mass
     _check_factor(radius, "--rolling-radius", "speed", speed_unit, _ROLLING)
-    _check_factor(mass, "--corner-mass", "load", load_unit, _ACCELERATIONS)
+    if load_unit in _ACCELERATIONS:  # beside forces, it is only what they are compared with
+        _check_factor(mass, "--corner-mass", "load", load_unit, _ACCELERATIONS)
     if radius is not None:
         speed = f"speed [{speed_unit}]{_ROLLING[speed_unit][1]} / {radius:g} m, the rolling radius"
     else:
-        speed = f"speed [{speed_unit}]{_TURNING[speed_unit][1]}"
-    if mass is not None:
+        speed = f"speed [{speed_unit}]{_ANGULAR[speed_unit][1]}"
+    if load_unit in _ACCELERATIONS:
         acceleration = f"|acceleration [{load_unit}]|{_ACCELERATIONS[load_unit][1]}"
         load = f"{mass:g} kg * {acceleration}, an estimate from the mass that the corner carries"
     else:

@@ -17,7 +17,7 @@ from .answer import answer, plain, printable
 if TYPE_CHECKING:
     from ..bag import BagReader
     from ..estimator.identification import Identification, Recording
-    from ..replay.replay import Plan
+    from ..replay.bag_setup import BagSetup
     from ..science.unit import TireWheelUnit
 
 __all__ = ["add_arguments", "errors_file", "prior_widths", "read", "run", "statements", "yaml_of"]
@@ -80,6 +80,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.5,
         help="of the priors, in the logarithm (0.5); those that import-tir --estimate wrote beside --start come first",
     )
+    parser.add_argument(
+        "--gain-error",
+        metavar="E",
+        type=float,
+        default=0.01,
+        help="standard error of the gain of the force's channel over the load's (0.01); 0 takes it for 1",
+    )
+    parser.add_argument(
+        "--load-noise",
+        metavar="N",
+        type=float,
+        help="white noise of the load's channel [N rms], whose effect is taken out; else the errors contain what there "
+        "may be of it",
+    )
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else that of --start")
     parser.add_argument("--from", dest="begin", metavar="S", type=float, default=0.0, help="leave out what is before")
     parser.add_argument("--to", dest="end", metavar="S", type=float, help="and what is after [s of the drive]")
@@ -128,13 +142,13 @@ def run(options: argparse.Namespace) -> int:
 
     from ..bag import BagReader
     from ..estimator.identification import identify
-    from ..replay.replay import joints_of, plan, remaps_of
+    from ..replay.bag_setup import bag_setup, joints_of, remaps_of
 
     is_tir = bool(options.start) and Path(options.start).suffix.lower() == ".tir"
     if not is_tir and (options.wheel_mass is not None or options.suspension_stiffness is not None):
         raise InputError("--wheel-mass and --suspension-stiffness belong to a --start that is a .tir")
     reader = BagReader(options.input, options.clock)
-    how = plan(reader, None if is_tir else options.start, remaps_of(options.remap), joints_of(options.joint))
+    how = bag_setup(reader, None if is_tir else options.start, remaps_of(options.remap), joints_of(options.joint))
     start = _start(options, how, is_tir)
     recording, notes = read(reader, how, options)
     try:
@@ -146,6 +160,8 @@ def run(options: argparse.Namespace) -> int:
             joined=options.between,
             prior_width=prior_widths(options, is_tir),
             model=options.model or how.values["model"],
+            gain_width=options.gain_error,
+            load_noise=options.load_noise,
         )
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"{options.input}: {error}") from None
@@ -165,7 +181,7 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _start(options: argparse.Namespace, how: Plan, is_tir: bool) -> TireWheelUnit:
+def _start(options: argparse.Namespace, how: BagSetup, is_tir: bool) -> TireWheelUnit:
     from ..replay.parameters import unit_of
 
     if not is_tir:
@@ -220,14 +236,14 @@ def prior_widths(options: argparse.Namespace, is_tir: bool) -> float | dict[str,
 # -- the bag ------------------------------------------------------------------------------------------------------
 
 
-def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Recording, list[str]]:
+def read(reader: BagReader, how: BagSetup, options: argparse.Namespace) -> tuple[Recording, list[str]]:
     """The samples of one wheel, and what is to be said about them.
 
     Parameters
     ----------
     reader : BagReader
-    how : Plan
-        As :func:`.replay.plan` gives it.
+    how : BagSetup
+        As :func:`.bag_setup.bag_setup` gives it.
     options : argparse.Namespace
         ``measured``, ``wheel``, ``begin``, ``end`` and ``quiet`` are read.
 
@@ -240,6 +256,7 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
 
     from ..cdr import messages
     from ..estimator.identification import Recording
+    from ..replay.series import series_of
 
     wheels = how.values["wheels"]
     wheel = options.wheel or (wheels[0] if len(wheels) == 1 else None)
@@ -260,7 +277,7 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
     names = {how.names[f"{wheel}/{name}"]: name for name in ("wheel_speed", "load", "load_force")}
     names |= {how.names["joint_states"]: "joint_states", topic: "measured"}
     joint = how.values["joint_names"][wheels.index(wheel)]
-    columns, unreadable = _columns(reader, names, joint, options.quiet)
+    columns, unreadable = series_of(reader, names, joint, options.quiet)
     notes = [f"{name}: {count} messages are not what their type says" for name, count in unreadable.items() if count]
     bounds = {"speed": how.values["max_speed_rad_s"], "load": how.values["max_load_n"], "force": MOST_FORCE}
     series: dict[str, Any] = {}
@@ -308,66 +325,6 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
     return record, notes
 
 
-def _columns(
-    reader: BagReader, names: dict[str, str], joint: str, quiet: bool
-) -> tuple[dict[str, tuple[Any, bool]], dict[str, int]]:
-    """Rows (time [s since the first message], receipt, values) of speed, load and force, and whether they have stamps.
-
-    Also how many messages on each topic could not be read.
-    """
-    import numpy as np
-
-    from ..cdr import messages
-    from ..files.progress import progress
-
-    joints = messages.JointStateDecoder()
-    width = {"speed": 1, "load": 2, "force": 2}
-    pieces: dict[str, list[Any]] = {name: [np.empty((0, 2 + count))] for name, count in width.items()}
-    unreadable = dict.fromkeys(names, 0)
-    begin = reader.start_ns or 0
-    blocks = reader.blocks(names.keys() & reader.topics.keys())
-    for block in progress(
-        blocks, reader.message_count, "identify", size=lambda block: block.topic.size, unit="messages", quiet=quiet
-    ):
-        for number, topic in enumerate(block.topics):
-            some = np.flatnonzero(block.topic == number)
-            if topic not in names or not some.size:
-                continue
-            where = block.data, block.start[some], block.size[some]
-            received = block.log_time[some]
-            kind = names[topic]
-            if kind in ("load", "measured"):
-                valid, stamp, fx, fz = messages.decode_wrenches(*where)
-                values = np.column_stack([fz, fx] if kind == "load" else [fx, fz])
-            elif kind == "joint_states":
-                valid, stamp, groups = joints.decode_block(*where)
-                values = np.full((some.size, 1), math.nan)
-                for indices, joint_names, velocities, _ in groups:
-                    if joint in joint_names and joint_names.index(joint) < velocities.shape[1]:
-                        values[indices, 0] = velocities[:, joint_names.index(joint)]
-                    else:
-                        valid[indices] = True
-                has = np.isfinite(values[:, 0]) | ~valid  # others' joints are nothing wrong
-                valid, stamp, values, received = valid[has], stamp[has], values[has], received[has]
-            else:
-                valid, number_ = messages.decode_float64s(*where)
-                stamp = received
-                values = np.column_stack([number_, np.zeros(some.size)][: 2 if kind == "load_force" else 1])
-            unreadable[topic] += int((~valid).sum())
-            target = {"measured": "force", "load": "load", "load_force": "load"}.get(kind, "speed")
-            rows = np.column_stack([(stamp - begin) * 1e-9, (received - begin) * 1e-9, values])
-            rows[stamp == 0, 0] = math.nan
-            pieces[target].append(rows[valid])
-    found: dict[str, tuple[Any, bool]] = {}
-    for name, parts in pieces.items():
-        rows = np.concatenate(parts)
-        stamped = not np.isnan(rows[:, 0]).any()
-        if not stamped:
-            rows[:, 0] = rows[:, 1]
-        found[name] = rows, stamped
-    return found, unreadable
-
-
 # -- what is said -------------------------------------------------------------------------------------------------
 
 
@@ -402,6 +359,12 @@ def statements(found: Identification) -> list[str]:
             f"{', '.join(group[:-1])} and {group[-1]} are tied (correlation {least:.3f}): the data know a combination "
             "of them far better than each; hold one that is known otherwise"
         )
+    for name, error, bias in zip(found.names, found.errors, found.bias, strict=True):
+        if abs(bias) > 0.5 * error:
+            said.append(
+                f"{name}: the load may have {found.load_noise:.2g} N rms of white noise, which would move it by "
+                f"{bias:+.1%}: that is in the error; --load-noise says what it has"
+            )
     band = _band(found)
     if band is not None:
         said.append(
@@ -448,12 +411,13 @@ def _lines(output: str, found: Identification) -> list[str]:
     explained = ", ".join(
         f"{share:.2%} of force.{'xz'[axis]}" for axis, share in zip(found.axes, found.explained, strict=True)
     )
-    pieces = f"{found.stretches} piece{'s' * (found.stretches > 1)}"
+    pieces = f"{found.sections} piece{'s' * (found.sections > 1)}"
     lines = [f"{output}: {found.seconds:.1f} s in {pieces}; the model explains {explained}"]
     lines.append(f"  {'':26} {'estimate':>12} {'error':>8}   {'started from':>12}")
     for name, value, error in zip(found.names, found.values, found.errors, strict=True):
         lines.append(f"  {name:26} {value:12.5g} {100.0 * error:6.2g} %   {value_of(found.start, name):12.5g}")
-    lines.append(f"  {'delay of the sensor [ms]':26} {1e3 * found.delay:12.4g} +- {1e3 * found.delay_error:.2g}")
+    lines.append(f"  {'delay after the load [ms]':26} {1e3 * found.delay:12.4g} +- {1e3 * found.delay_error:.2g}")
+    lines.append(f"  {'gain over the load':26} {found.gain:12.5g} +- {found.gain_error:.2g}")
     for axis, offset, error, noise in zip(found.axes, found.offset, found.offset_error, found.noise, strict=True):
         name = f"offset of force.{'xz'[axis]} [N]"
         lines.append(f"  {name:26} {offset:12.4g} +- {error:.2g}   noise {noise:.3g} N rms")
@@ -473,8 +437,13 @@ def _content(found: Identification) -> dict[str, Any]:
         "prior_width": found.prior_width.tolist(),
         "of_the_prior": list(found.priors),
         "at_bound": list(found.at_bound),
+        "delay_of": "the measured force after the load's channel",
         "delay_s": found.delay,
         "delay_error_s": found.delay_error,
+        "gain": found.gain,
+        "gain_error": found.gain_error,
+        "load_noise_rms_N": found.load_noise,
+        "relative_bias_of_load_noise": found.bias.tolist(),
         "axes": ["xz"[axis] for axis in found.axes],
         "offset_N": found.offset.tolist(),
         "offset_error_N": found.offset_error.tolist(),
@@ -483,7 +452,7 @@ def _content(found: Identification) -> dict[str, Any]:
         "unexplained_coherent": found.unexplained,
         "seconds": found.seconds,
         "samples": found.samples,
-        "stretches": found.stretches,
+        "sections": found.sections,
         "coherent_band_Hz": None if band is None else list(band),
         "spectra": [
             {

@@ -19,13 +19,7 @@ __all__ = ["add_arguments", "run", "yaml_of"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Takes the rigid ring of an MF-Tyre/MF-Swift property file (BELT_MASS, BELT_IYY, FREQ_LONG, FREQ_WINDUP, "
         "DAMP_LONG, with WIDTH, INFLPRES and VERTICAL_STIFFNESS where they are) and writes a unit for --config. What "
@@ -72,20 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the unit that the options ask for, and say what was taken and what assumed.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used, an option is wrong, or YAML exists already.
+    ``InputError``: the file cannot be used, an option is wrong, or YAML exists already.
     """
     from ..files.tir_unit import unit_from_tir
 

@@ -42,13 +42,7 @@ _MOST_IN_PICTURE = 4000  # points of a line
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Estimates the load of each of four tires from an IMU, the springs' travel, hub accelerations and wheel "
         "speeds, or from those of them that IN has, and writes the loads with their standard deviations (loads.csv) "
@@ -68,21 +62,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Estimate the loads of a recording, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        There is no such folder or nothing usable in it, the vehicle is not known, matplotlib is missing, or there is an
-        output already.
+    ``InputError``: there is no such folder or nothing usable in it, the vehicle is not known, matplotlib is missing,
+    or there is an output already.
     """
     from ..estimator.load_estimate import estimate_loads
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 __all__ = ["MapRequest", "QUANTITIES", "add_arguments", "compute", "request_of", "run", "write"]
 
 QUANTITIES = ("stability", "transmissibility")
-POINTS = 256  # along an axis, unless told
+POINTS = 256  # along an axis by default
 MOST_POINTS = 4096
 MAX_RPM = 1e7
 RPM = math.pi / 30.0
@@ -48,13 +48,7 @@ class MapRequest:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Draws a map over two fields of the unit, or over one and the speed, as PNG, and writes its numbers beside it "
         "as .npz. FIELD is a field of a unit that is a number (see config/table_1.yaml), speed [rad/s] or speed_rpm; "
@@ -82,20 +76,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw the map that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option is wrong, matplotlib or Dask is missing, a file exists already, or a process that computes ends.
+    ``InputError``: an option is wrong, matplotlib or Dask is missing, a file exists already, or a process that
+    computes ends.
     """
     picture = _outputs(options.output, force=options.force)[0]
     request = request_of(options)

@@ -29,13 +29,7 @@ RPM = math.pi / 30.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "How a load or a traction that varies as a sine arrives at the axle of a wheel that turns at a constant "
         "speed: amplitude ratio and phase of both axle forces over frequency. Draws Bode plots as PNG and writes the "
@@ -58,20 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute, draw and write what the options ask for.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option is wrong, matplotlib is missing, a file exists already, or the response is not finite.
+    ``InputError``: an option is wrong, matplotlib is missing, a file exists already, or the response is not finite.
     """
     if options.output is None and not options.json:
         raise InputError("needs -o PNG or --json; such as tire-dynamics response --speed-rpm 0 2000 -o bode.png")

@@ -33,13 +33,7 @@ MAX_SPEED = 150.0  # [m/s]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options, but for those of ``answer``.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options, but for those of ``answer``."""
     parser.description = (
         "Makes an input bag of /joint_states and /<wheel>/road_height [m]: a random road of a class of ISO 8608, "
         "cleats, steps, or a profile from a CSV file over distance, all of which add up, driven over at a speed. Rear "
@@ -87,20 +81,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the bag that the options ask for, and say on standard error what is in it.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option or a file cannot be used, or the output exists.
+    ``InputError``: an option or a file cannot be used, or the output exists.
     """
     import numpy as np
 

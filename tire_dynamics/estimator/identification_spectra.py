@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, optimize, signal
+from scipy import optimize, signal
 
 from ..science import wheel
+from ..science.interpolation import smooth_curve
 from ..science.spectra import Spectra, Transfer
-from .identification_problem import GAP, Problem, Seen, Stretch, median
+from .identification_problem import GAP, Problem, Section, Seen, median
 
 __all__ = [
     "from_spectra",
@@ -31,9 +32,9 @@ def from_spectra(problem: Problem) -> tuple[tuple[Seen, ...], FloatArray, float]
     """What was seen, and the estimates and the delay that go with it."""
     seen = _spectra(problem, 0.0)
     if not seen:
-        longest = max(float(stretch.time[-1] - stretch.time[0]) for stretch in problem.stretches)
+        longest = max(float(section.time[-1] - section.time[0]) for section in problem.sections)
         raise ValueError(
-            f"no stretch with speed, load and force is long enough for a spectrum; the longest with speed and load has "
+            f"no section with speed, load and force is long enough for a spectrum; the longest with speed and load has "
             f"{longest:.3g} s, of which the starting unit takes {problem.settling:.3g} s to settle"
         )
     if not any((each.transfer.coherence > _COHERENT).any() for each in seen):
@@ -50,8 +51,8 @@ def _spectra(problem: Problem, delay: float) -> tuple[Seen, ...]:
     """H1 from load to F', by speed; its phase has the delay, but the segments are taken so much later."""
     record = problem.recording
     low, high = record.force_time[0], record.force_time[-1]
-    total = sum(min(s.time[-1], high) - max(s.time[0], low) for s in problem.stretches)
-    rate = 1.0 / median(problem.stretches[0].time[problem.stretches[0].kept])
+    total = sum(min(s.time[-1], high) - max(s.time[0], low) for s in problem.sections)
+    rate = 1.0 / median(problem.sections[0].time[problem.sections[0].kept])
     seen: tuple[Seen, ...] = ()
     length = 2 ** round(math.log2(rate * min(_SEGMENT, max(total, 1.0) / 16.0)))
     while length >= 0.2 * rate:  # shorter, if gaps leave few of this length
@@ -65,11 +66,11 @@ def _spectra(problem: Problem, delay: float) -> tuple[Seen, ...]:
 
 def _of_length(problem: Problem, delay: float, rate: float, length: int) -> tuple[Seen, ...]:
     record = problem.recording
-    middle = float(np.mean(np.concatenate([stretch.speed for stretch in problem.stretches])))
+    middle = float(np.mean(np.concatenate([section.speed for section in problem.sections])))
     kinds: dict[int, tuple[Spectra, list[float]]] = {}
     relaxed: list[tuple[FloatArray, ...]] = []
-    for stretch in problem.stretches:
-        for window in _windows(problem, stretch, delay, rate, length):
+    for section in problem.sections:
+        for window in _windows(problem, section, delay, rate, length):
             if np.ptp(window[1]) > _STEADY:
                 relaxed.append(window)
             else:
@@ -90,12 +91,12 @@ def _of_length(problem: Problem, delay: float, rate: float, length: int) -> tupl
 
 
 def _windows(
-    problem: Problem, stretch: Stretch, delay: float, rate: float, length: int
+    problem: Problem, section: Section, delay: float, rate: float, length: int
 ) -> Iterator[tuple[FloatArray, ...]]:
     """Time, speed, load, and the force that was measured ``delay`` later, on a regular grid, half overlapping."""
     record = problem.recording
-    count = math.floor((stretch.time[-1] - stretch.time[0]) * rate) + 1
-    time = stretch.time[0] + np.arange(count) / rate
+    count = math.floor((section.time[-1] - section.time[0]) * rate) + 1
+    time = section.time[0] + np.arange(count) / rate
     place = np.searchsorted(record.force_time, time + delay)
     inner = (place > 0) & (place < record.force_time.size)
     gap = record.force_time[np.clip(place, 1, record.force_time.size - 1)]
@@ -104,12 +105,12 @@ def _windows(
     settled = math.ceil(problem.settling * rate)
     if not (missing[length:] == missing[:-length]).any():
         return
-    load, speed = (np.interp(time, stretch.time, column) for column in (stretch.load, stretch.speed))
+    load, speed = (np.interp(time, section.time, column) for column in (section.load, section.speed))
     nearby = slice(*np.searchsorted(record.force_time, time[[0, -1]] + delay + [-1.0, 1.0]))
-    force = interpolate.CubicSpline(record.force_time[nearby], record.force[nearby, 1])(time + delay)
-    if stretch.traction.any():
-        alone = stretch._replace(load=np.zeros_like(stretch.load))
-        force = force - np.interp(time, stretch.time[stretch.kept], problem.forces(problem.start, alone)[:, 1])
+    force = smooth_curve(record.force_time[nearby], record.force[nearby, 1])(time + delay)
+    if section.traction.any():
+        alone = section._replace(load=np.zeros_like(section.load))
+        force = force - np.interp(time, section.time[section.kept], problem.forces(problem.start, alone)[:, 1])
     for first in range(settled if count > settled + length else 0, count - length + 1, length // 2):
         if missing[first + length] == missing[first]:
             part = slice(first, first + length)
@@ -121,7 +122,7 @@ def _add(
 ) -> None:
     time, speed, load, force = window
     key = round((float(speed.mean()) - middle) / _STEADY)
-    spectra, speeds = kinds.setdefault(key, (Spectra(rate, length, held=False), []))
+    spectra, speeds = kinds.setdefault(key, (Spectra(rate, length, zero_order_hold=False), []))
     spectra.add(time, load, force)
     speeds.append(float(speed.mean()))
 

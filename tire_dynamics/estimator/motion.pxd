@@ -54,11 +54,11 @@ cdef class Motion:
         self, Py_ssize_t wheel, double seconds, double speed, double speed_change, double load, double traction,
         double load_change, double traction_change, double angle
     ) noexcept nogil
-    cdef void series(
+    cdef void taylor_step(
         self, double[::1] matrix, Py_ssize_t at, Py_ssize_t order, double length, double slope, double load,
         double traction, double load_change, double traction_change
     ) noexcept nogil
-    cdef void rotating_series(
+    cdef void rotating_taylor_step(
         self, double[::1] matrix, Py_ssize_t at, Py_ssize_t order, double length, double speed, double slope,
         double phase, double load, double traction, double load_change, double traction_change
     ) noexcept nogil
@@ -72,4 +72,4 @@ cdef class Motion:
         self, Py_ssize_t wheel, double seconds, double load, double traction, double load_change,
         double traction_change, double norm
     ) noexcept nogil
-    cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef bint axle_force_and_norm(self, Py_ssize_t wheel, double speed) noexcept nogil

@@ -14,6 +14,9 @@ over which the norm is small, and where nothing rotates with the tire a very lon
 Sums, products and quotients are taken in a fixed order, with no BLAS and no library function in between: the same
 inputs give the same bits on every IEEE machine, which is what lets a log that was written in a vehicle be replayed
 exactly on a desk.
+
+The file is long because it is one compiled class: every step calls several of its methods, as C functions on the
+class's own buffers, and between modules these could not be inlined.
 """
 
 from __future__ import annotations
@@ -237,7 +240,7 @@ class Motion:
                         0, time[i] - time[i - 1], speed[i - 1], speed[i] - speed[i - 1], force[2 * i - 2],
                         force[2 * i - 1], force[2 * i] - force[2 * i - 2], force[2 * i + 1] - force[2 * i - 1], _NAN,
                     )  # fmt: skip
-                self.read(0, speed[i])
+                self.axle_force_and_norm(0, speed[i])
                 for k in range(self.states):
                     states[i * self.states + k] = self.state[k]
                 forces[2 * i], forces[2 * i + 1] = self.force_x, self.force_z
@@ -341,22 +344,22 @@ class Motion:
                 if self.rotating:
                     start = self.phase[wheel] + (speed + 0.5 * speed_change * share) * length * piece
                     if piece > 0 and slope != 0.0:
-                        self.rotating_series(
+                        self.rotating_taylor_step(
                             self.between, 0, order, length, now, slope, start, load + load_change * share,
                             traction + traction_change * share, load_change / pieces, traction_change / pieces,
                         )  # fmt: skip
                     else:
-                        self.rotating_series(
+                        self.rotating_taylor_step(
                             self.matrix, at, order, length, now, slope, start, load + load_change * share,
                             traction + traction_change * share, load_change / pieces, traction_change / pieces,
                         )  # fmt: skip
                 elif piece > 0 and slope != 0.0:
-                    self.series(
+                    self.taylor_step(
                         self.between, 0, order, length, slope, load + load_change * share,
                         traction + traction_change * share, load_change / pieces, traction_change / pieces,
                     )  # fmt: skip
                 else:
-                    self.series(
+                    self.taylor_step(
                         self.matrix, at, order, length, slope, load + load_change * share,
                         traction + traction_change * share, load_change / pieces, traction_change / pieces,
                     )  # fmt: skip
@@ -439,7 +442,7 @@ class Motion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def series(
+    def taylor_step(
         self,
         matrix: cython.double[::1],
         at: cython.Py_ssize_t,
@@ -467,7 +470,7 @@ class Motion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def rotating_series(
+    def rotating_taylor_step(
         self,
         matrix: cython.double[::1],
         at: cython.Py_ssize_t,
@@ -599,13 +602,13 @@ class Motion:
             for b in range(n):
                 self.terms[b] = 1.0 if a == b else 0.0
             if a < n:
-                self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, 0.0, 0.0)
+                self.taylor_step(self.matrix, at, order, length, 0.0, 0.0, 0.0, 0.0, 0.0)
             elif a == n:
-                self.series(self.matrix, at, order, length, 0.0, load, traction, 0.0, 0.0)
+                self.taylor_step(self.matrix, at, order, length, 0.0, load, traction, 0.0, 0.0)
             elif a == n + 1:
-                self.series(self.matrix, at, order, length, 0.0, load_change, traction_change, 0.0, 0.0)
+                self.taylor_step(self.matrix, at, order, length, 0.0, load_change, traction_change, 0.0, 0.0)
             else:
-                self.series(self.matrix, at, order, length, 0.0, 0.0, 0.0, load_change, traction_change)
+                self.taylor_step(self.matrix, at, order, length, 0.0, 0.0, 0.0, load_change, traction_change)
             for b in range(n):
                 self.affine[a * n + b] = self.after[b]
         for _ in range(doublings):
@@ -637,7 +640,7 @@ class Motion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def read(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
+    def axle_force_and_norm(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
         """Force on one axle at the speed in force into ``force_x`` and ``force_z``; whether the state is bounded."""
         n: cython.Py_ssize_t = self.states
         first: cython.Py_ssize_t = wheel * n
@@ -676,7 +679,7 @@ class Motion:
     def axle_force(self, index: int, speed: float) -> tuple[float, float]:
         """Force on one axle (x, z) at the speed in force [rad/s], REP 103 axes [N]."""
         check_wheel(index, self.wheels)
-        self.read(index, speed)
+        self.axle_force_and_norm(index, speed)
         return self.force_x, self.force_z
 
     def state_of(self, index: int) -> FloatArray:

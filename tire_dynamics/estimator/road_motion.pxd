@@ -202,5 +202,5 @@ cdef class RoadMotion:
     cdef double height_at(self, Py_ssize_t wheel, double place) noexcept nogil
     cdef void lose(self, Py_ssize_t wheel) noexcept nogil
     cdef void publish_now(self, Py_ssize_t wheel) noexcept nogil
-    cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef bint axle_force_and_norm(self, Py_ssize_t wheel, double speed) noexcept nogil
     cdef void show(self, Py_ssize_t wheel) noexcept nogil

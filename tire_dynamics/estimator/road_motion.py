@@ -1683,10 +1683,10 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def read(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
+    def axle_force_and_norm(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.bint:
         """Force on one axle into ``motion``'s ``force_x`` and ``force_z``; whether the state is bounded."""
         H: cython.Py_ssize_t = self.H
-        bounded: cython.bint = self.motion.read(wheel, speed)
+        bounded: cython.bint = self.motion.axle_force_and_norm(wheel, speed)
         first: cython.Py_ssize_t = wheel * 2 * H
         k: cython.Py_ssize_t
         value: cython.double
@@ -1735,7 +1735,7 @@ class RoadMotion:
 
     def axle_force(self, index: int) -> tuple[float, float]:
         """Force on one axle (x, z), REP 103 axes [N]."""
-        self.read(index, self.speed[index])
+        self.axle_force_and_norm(index, self.speed[index])
         return self.motion.force_x, self.motion.force_z
 
     def deflection(self, index: int) -> FloatArray:
@@ -1817,7 +1817,7 @@ class RoadMotion:
                     for j in range(P):
                         self.base[j] = heights[i * P + j] - self.origin[0]
                     self.publish_now(0)
-                self.read(0, speed[i])
+                self.axle_force_and_norm(0, speed[i])
                 for k in range(self.motion.states):
                     states[i * self.motion.states + k] = self.motion.state[k]
                 forces[2 * i], forces[2 * i + 1] = self.motion.force_x, self.motion.force_z

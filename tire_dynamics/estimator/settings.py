@@ -32,6 +32,6 @@ class VehicleSettings:
 
 
 def check_wheel(index: int, count: int) -> None:
-    """Raise an IndexError if there is no wheel of this index: the compiled loops write where they are told to."""
+    """Raise an IndexError if there is no wheel of this index: the compiled loops do not check where they write."""
     if not 0 <= index < count:
         raise IndexError(f"wheel is {index}; it must be from 0 to {count - 1}")

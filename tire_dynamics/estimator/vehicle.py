@@ -143,7 +143,7 @@ class Vehicle:
 
     @property
     def angles(self) -> FloatArray:
-        """How far every wheel has turned, modulo 2 pi [rad]: as joint_states told it last, or since the start."""
+        """How far every wheel has turned, modulo 2 pi [rad]: as measured last (joint_states), or since the start."""
         return np.array([self.wheels.motion.phase_of(index) for index in range(len(self.inputs))])
 
     # -- inputs ---------------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from typing import Any, Final, cast
 __all__ = ["VehicleParameters"]
 
 GRAVITY: Final = 9.80665  # standard gravity [m/s^2]
-WHEEL_HOP: Final = 2.0 * math.pi * 12.0  # of a car whose tires' rate is not told [rad/s]: 10 to 15 Hz is usual
+WHEEL_HOP: Final = 2.0 * math.pi * 12.0  # of a car whose tires' rate is not given [rad/s]: 10 to 15 Hz is usual
 
 Pair = tuple[float, float]
 Four = tuple[float, float, float, float]
@@ -98,8 +98,8 @@ class VehicleParameters:
                 f"{self.cg_height!r}"
             )
         if not self.tire_rates:
-            told = zip(self.unsprung_masses, self.spring_rates, strict=True)
-            rates = tuple(max(mass * WHEEL_HOP * WHEEL_HOP - rate, rate) for mass, rate in told)
+            given = zip(self.unsprung_masses, self.spring_rates, strict=True)
+            rates = tuple(max(mass * WHEEL_HOP * WHEEL_HOP - rate, rate) for mass, rate in given)
             object.__setattr__(self, "tire_rates", rates)
 
     @property

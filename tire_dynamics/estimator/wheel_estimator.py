@@ -171,7 +171,7 @@ class WheelEstimator:
 
     @property
     def phase(self) -> float:
-        """How far the wheel has turned, modulo 2 pi [rad]: as it was told last, or since the start."""
+        """How far the wheel has turned, modulo 2 pi [rad]: as measured last, or since the start."""
         return self._motion.phase_of(0)
 
     @property

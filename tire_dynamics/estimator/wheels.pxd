@@ -31,6 +31,9 @@ cdef class Wheels:
     cdef long long[::1] noted
     cdef double[::1] last_angle
     cdef double[::1] orders
+    cdef public bint judged_elsewhere
+    cdef double[::1] asked_at
+    cdef double[::1] stable_at
 
     cdef bint stamped(self, Py_ssize_t wheel, long long received, long long stamp) noexcept nogil
     cdef void take_speed(
@@ -42,7 +45,7 @@ cdef class Wheels:
     cdef void take_height(
         self, Py_ssize_t wheel, long long received, long long stamp, double height
     ) noexcept nogil
-    cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef bint axle_force_and_norm(self, Py_ssize_t wheel, double speed) noexcept nogil
     cdef void deflect(self, Py_ssize_t wheel) noexcept nogil
     cdef void go_to(self, long long stamp) noexcept nogil
     cdef void follow(self, Py_ssize_t wheel, long long stamp) noexcept nogil

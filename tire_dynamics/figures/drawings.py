@@ -15,13 +15,16 @@ from matplotlib.lines import Line2D
 
 from ..science.campbell import WAVES, WHEEL_MODES
 from ..science.nonuniform import CombinationResonance
+from ..science.ring import CONTACT_ANGLE
 from ..science.unit import MODAL, REACTION, TireWheelUnit
+from .measured_tire import draw as measured_tire  # noqa: F401 - looked up here by name
 from .road_drawings import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 from .tables import (
     BELT_MODELS,
     CAMPBELL_MODES,
     DAMPINGS,
     FIG3_RPM,
+    FIG3_ZETA_N,
     FIG4_MODES,
     FIG5_CASES,
     FIG6_ZETA_1,
@@ -34,6 +37,7 @@ from .tables import (
     FloatArray,
     Table,
     hybrid_critical_speed,
+    tongue_thresholds,
     tongue_unit,
 )
 
@@ -72,6 +76,7 @@ LINES: tuple[dict[str, Any], ...] = (
 REMARK: dict[str, Any] = {"color": "0.25", "bbox": {"facecolor": "white", "edgecolor": "none", "pad": 1.5}}
 MARKERS: dict[str, Any] = {"linestyle": "none", "markersize": 3.4, "markerfacecolor": "white", "markeredgewidth": 0.8}
 DAMPING_TITLES = {MODAL: "Modal damping, as in the paper", REACTION: "Damping with a reaction on the wheel"}
+FIG3_LARGER = 8.0  # deflections beside the belt's radius
 MODE_NAMES = dict(zip(WHEEL_MODES, ("wheel hop", "ring fore-aft", "ring vertical"), strict=True))
 
 
@@ -84,18 +89,42 @@ def save(path: Path, draw: Callable[[T], Figure], table: T) -> None:
 
 
 def fig3(table: Table) -> Figure:
-    """Radial deflection around the belt."""
-    figure, axes = _panels(2, 1, 4.6, sharex=True)
-    titles = ("Rotating: Coriolis, centrifugal and hoop-tension terms", "Hybrid: the same without the Coriolis terms")
-    angle = table["angle_from_contact_deg"]
-    for ax, model, title in zip(axes.flat, BELT_MODELS, titles, strict=True):
+    """The deflected belt around the wheel."""
+    figure = Figure(figsize=(WIDTH, 6.9))
+    axes = figure.subplots(2, 2, squeeze=False)
+    titles = ("Rotating", "Hybrid: without the Coriolis terms")
+    radius = 1e3 * TireWheelUnit.table_1().radius
+    psi = CONTACT_ANGLE + np.radians(table["angle_from_contact_deg"])
+    for (row, zeta_n), (column, model) in product(enumerate(FIG3_ZETA_N), enumerate(BELT_MODELS)):
+        ax = axes[row, column]
+        ax.plot(radius * np.cos(psi), radius * np.sin(psi), color="0.7", linewidth=0.7)
         for rpm, line in zip(FIG3_RPM, LINES, strict=False):
-            ax.plot(angle, table[f"u_z_{model}_{rpm}_rpm_mm"], label=f"{rpm} rpm", **line)
-        ax.set(title=title, ylabel="Radial deflection $u_z$ [mm]")
-    axes[0, 0].legend(loc="lower left", title=r"$\zeta_n = 0.02$, $F = 1961$ N")
-    ax.set(xlabel=r"Angle from the contact in the sense of rotation, $\psi - \psi_0$ [deg]", xlim=(-180, 180))
-    ax.set_xticks(np.arange(-180, 181, 45))
-    figure.align_ylabels()
+            u_z, u_theta = (
+                FIG3_LARGER * table[f"{name}_{model}_{rpm}_rpm_zeta_n_{zeta_n}_mm"] for name in ("u_z", "u_theta")
+            )
+            X = (radius + u_z) * np.cos(psi) - u_theta * np.sin(psi)
+            up = (radius + u_z) * np.sin(psi) + u_theta * np.cos(psi)
+            ax.plot(X, up, label=f"{rpm} rpm", **{**line, "linewidth": 1.0})
+        ax.annotate("", (0.0, -radius + 40.0), (0.0, -radius - 60.0), arrowprops={"arrowstyle": "->", "linewidth": 0.8})
+        ax.text(12.0, -radius - 55.0, "$F$")
+        turn = np.radians(np.linspace(60.0, 120.0, 31))
+        ax.plot(0.35 * radius * np.cos(turn), 0.35 * radius * np.sin(turn), color="0.3", linewidth=0.8)
+        ax.annotate(
+            "", (0.35 * radius * np.cos(turn[-1]), 0.35 * radius * np.sin(turn[-1])),
+            (0.35 * radius * np.cos(turn[-2]), 0.35 * radius * np.sin(turn[-2])),
+            arrowprops={"arrowstyle": "->", "linewidth": 0.8, "color": "0.3"},
+        )  # fmt: skip
+        ax.text(0.0, 0.4 * radius, r"$\Omega$", ha="center")
+        ax.set(aspect="equal", xlim=(-395, 395), ylim=(-430, 370), xticks=[], yticks=[])
+        ax.set_title(rf"{titles[column]}, $\zeta_n = {zeta_n}$")
+        ax.grid(False)
+        for side in ("left", "bottom"):
+            ax.spines[side].set_visible(False)
+    axes[0, 0].legend(loc="center", bbox_to_anchor=(0.5, 0.5), handlelength=2.4)
+    figure.supxlabel(
+        rf"Modes $n \geq 2$ under $F = 1961$ N, deflections {FIG3_LARGER:g} times as large; grey: without load",
+        fontsize=8.0,
+    )
     return figure
 
 
@@ -138,15 +167,15 @@ def fig5(table: Table) -> Figure:
     figure, axes = _panels(3, 1, 5.8, sharex=True)
     rows = (
         ("y", "Wheel $y$, up [mm]"),
-        ("y_c", "Ring centre $y_c$, up [mm]"),
         ("x_c", "Ring centre $x_c$, rearward [mm]"),
+        ("y_c", "Ring centre $y_c$, up [mm]"),
     )
     for ax, (name, label) in zip(axes.flat, rows, strict=True):
         for (rpm, zeta_s), line in zip(FIG5_CASES, LINES, strict=False):
             case = f"{rpm}_rpm_zeta_s_{zeta_s}_mm"
             ax.plot(table["time_s"], table[f"{name}_{case}"], label=rf"{rpm} rpm, $\zeta_s = {zeta_s}$", **line)
         ax.set_ylabel(label)
-    axes[0, 0].legend(loc="lower right", ncols=3, title=r"$F = 1961$ N from time 0 on, $\zeta_1 = 0.05$")
+    axes[1, 0].legend(loc="lower right", ncols=3, title=r"$F = 1961$ N from time 0 on, $\zeta_1 = 0.05$")
     ax.set(xlabel="Time [s]", xlim=(0, 1))
     figure.align_ylabels()
     return figure
@@ -167,8 +196,8 @@ def fig7a(table: Table) -> Figure:
     figure = _fig7(table, 6000)
     [ax] = figure.axes
     ax.legend(loc="lower left")
-    ax.text(0.12, 3000, "stable", **REMARK)
-    ax.text(0.43, 5500, r"unstable, $\zeta_s = 0.05$", ha="center", color="0.25")
+    ax.text(2600, 0.25, "stable", **REMARK)
+    ax.text(5300, 0.46, r"unstable, $\zeta_s = 0.05$", ha="center", color="0.25")
     return figure
 
 
@@ -177,18 +206,19 @@ def fig7b(table: Table) -> Figure:
     figure = _fig7(table, 60000)
     [ax] = figure.axes
     ax.legend(loc="upper right")
-    ax.text(0.05, 3000, "stable", **REMARK)
-    ax.text(0.25, 25000, "unstable", ha="center", color="0.25")
+    ax.text(3000, 0.03, "stable", **REMARK)
+    ax.text(30000, 0.25, "unstable", ha="center", color="0.25")
     return figure
 
 
 def _fig7(table: Table, highest: int) -> Figure:
+    """As the paper draws it: the speed along, the damping ratio up."""
     figure, axes = _panels(1, 1, 3.4)
     [[ax]] = axes
     boundaries = [table[f"critical_speed_zeta_s_{zeta_s}_rpm"] for zeta_s in FIG7_ZETA_S]
     _stable_region(ax, table["zeta_1"], boundaries[0], highest)
     for boundary, zeta_s, line in zip(boundaries, FIG7_ZETA_S, LINES, strict=False):
-        ax.plot(table["zeta_1"], boundary, label=rf"loss of stability, $\zeta_s = {zeta_s}$", **line)
+        ax.plot(boundary, table["zeta_1"], label=rf"loss of stability, $\zeta_s = {zeta_s}$", **line)
     return figure
 
 
@@ -215,10 +245,10 @@ def fig7_damping(table: Table) -> Figure:
     for ax, damping in zip(axes.flat, DAMPINGS, strict=True):
         inextensional, complete = (table[f"critical_speed_{damping}_{model}_rpm"] for model in WHEEL_MODELS)
         _stable_region(ax, table["zeta_1"], inextensional, 60000)
-        ax.plot(table["zeta_1"], inextensional, label="inextensional, 6 states", **LINES[0])
-        ax.plot(table["zeta_1"][::4], complete[::4], label="complete, 10 states", color="0", marker="o", **MARKERS)
-        ax.text(0.05, 1500, "stable", **REMARK)
-        ax.text(0.3, 25000, "unstable", ha="center", color="0.25")
+        ax.plot(inextensional, table["zeta_1"], label="inextensional, 6 states", **LINES[0])
+        ax.plot(complete[::4], table["zeta_1"][::4], label="complete, 10 states", color="0", marker="o", **MARKERS)
+        ax.text(2000, 0.02, "stable", **REMARK)
+        ax.text(30000, 0.25, "unstable", ha="center", color="0.25")
         ax.set_title(DAMPING_TITLES[damping])
     axes[0, 0].legend(loc="upper right", title=r"$\zeta_s = 0.05$")
     axes[0, 1].set_ylabel("")
@@ -305,29 +335,34 @@ def tongues(table: Table) -> Figure:
     for ax, zeta in zip(axes.flat, TONGUE_ZETA, strict=True):
         radius = np.array([table[f"spectral_radius_zeta_{zeta}_eps_{value:.4f}"] for value in TONGUE_EPS])
         shade = ax.contourf(speed, eps, radius, levels=levels, cmap="YlOrRd", extend="max")
-        for tip in tongue_unit(zeta)[1]:
-            if tip.threshold < eps[-1]:
-                _tip(ax, tip, eps)
+        for resonance in tongue_unit(zeta)[1]:
+            if resonance.threshold < eps[-1]:
+                _draw_resonance(ax, resonance, eps)
+        if zeta:
+            lowest = np.array([each for each in tongue_thresholds(zeta) if each[1] < eps[-1]])
+            ax.plot(lowest[:, 0] / RPM, lowest[:, 1], color="0", marker="x", linestyle="none", markersize=4.5, zorder=5)
         ax.grid(False)
         ax.set(xlim=(0, 7000), ylim=(0.0, eps[-1]), ylabel=r"Stiffness $k_1(1 \pm \varepsilon)$: $\varepsilon$ [-]")
         ax.set_title("Without damping" if zeta == 0.0 else rf"$\zeta_1 = \zeta_s = {zeta}$", loc="left")
-    modes = dict(zip(np.unique([tip.frequencies for tip in tongue_unit(0.0)[1]]), MODE_NAMES.values(), strict=True))
-    for tip in tongue_unit(0.0)[1]:
-        text = " + ".join(modes[frequency].removeprefix("ring ") for frequency in tip.frequencies)
-        axes[0, 0].text(tip.speed / RPM - 190.0, 0.006, text, rotation=90, ha="center", va="bottom", fontsize=7.0)
+    modes = dict(
+        zip(np.unique([resonance.frequencies for resonance in tongue_unit(0.0)[1]]), MODE_NAMES.values(), strict=True)
+    )
+    for resonance in tongue_unit(0.0)[1]:
+        text = " + ".join(modes[frequency].removeprefix("ring ") for frequency in resonance.frequencies)
+        axes[0, 0].text(resonance.speed / RPM - 235.0, 0.006, text, rotation=90, ha="center", va="bottom", fontsize=7.0)
     axes[-1, 0].set_xlabel("Speed [rpm]")
     bar = figure.colorbar(shade, ax=list(axes.flat), aspect=40, pad=0.02, ticks=levels[::5])
     bar.set_label(r"Largest multiplier of a turn, $|\mu|$ [-]")
     return figure
 
 
-def _tip(ax: Axes, tip: CombinationResonance, eps: FloatArray) -> None:
+def _draw_resonance(ax: Axes, resonance: CombinationResonance, eps: FloatArray) -> None:
     """Where a tongue is predicted to begin, and its sides."""
-    ax.plot(tip.speed / RPM, tip.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
-    above = np.append(tip.threshold, eps[eps > tip.threshold])
-    reach = tip.growth * np.sqrt(above**2 - tip.threshold**2) / RPM
+    ax.plot(resonance.speed / RPM, resonance.threshold, color="0", marker="o", clip_on=False, zorder=4, **MARKERS)
+    above = np.append(resonance.threshold, eps[eps > resonance.threshold])
+    reach = resonance.growth * np.sqrt(above**2 - resonance.threshold**2) / RPM
     for side in (-reach, reach):
-        ax.plot(tip.speed / RPM + side, above, color="0.2", linewidth=0.7, linestyle="--")
+        ax.plot(resonance.speed / RPM + side, above, color="0.2", linewidth=0.7, linestyle="--")
 
 
 def _panels(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
@@ -342,8 +377,8 @@ def _over_speed(ax: Axes, table: Table, name: str, label: str = "") -> None:
 
 
 def _stable_region(ax: Axes, zeta_1: FloatArray, boundary: FloatArray, highest: int) -> None:
-    """The region below the boundary, which rises without bound towards zeta_1 = 0, hatched."""
-    x, y = np.append(0.0, zeta_1), np.append(boundary[0], boundary)
-    ax.fill_between(x, 0.0, y, facecolor="0.95", edgecolor="0.75", hatch="////", linewidth=0.0)
-    ax.set(xlabel=r"Damping ratio of the ring's rigid mode, $\zeta_1$ [-]", xlim=(0, 0.5))
-    ax.set(ylabel="Speed [rpm]", ylim=(0, highest))
+    """The region at speeds below the boundary, which goes away without bound towards zeta_1 = 0, hatched."""
+    damping, speed = np.append(0.0, zeta_1), np.append(max(boundary[0], highest), boundary)
+    ax.fill_betweenx(damping, 0.0, speed, facecolor="0.95", edgecolor="0.75", hatch="////", linewidth=0.0)
+    ax.set(xlabel="Speed [rpm]", xlim=(0, highest))
+    ax.set(ylabel=r"Damping ratio of the ring's rigid mode, $\zeta_1$ [-]", ylim=(0, 0.5))

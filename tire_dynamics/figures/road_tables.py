@@ -96,8 +96,8 @@ def force_variation() -> Table:
     kmh = np.linspace(2.0, 200.0, 67)
     table = {"speed_km_h": kmh}
     for cause, fields in CAUSES.items():
-        turning = unit.replace(**fields)
+        nonuniform = unit.replace(**fields)
         for mount in MOUNTS:
-            some = [contact.force_variation(turning, v / 3.6 / unit.radius, LOAD, n_max=8, mount=mount) for v in kmh]
+            some = [contact.force_variation(nonuniform, v / 3.6 / unit.radius, LOAD, n_max=8, mount=mount) for v in kmh]
             table[f"{cause}_{mount}_N"] = np.array([2.0 * abs(each.axle[0]) for each in some])
     return table

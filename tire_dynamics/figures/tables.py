@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import math
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,15 @@ from ..estimator.simulate import simulate
 from ..science import ring, wheel
 from ..science.campbell import WAVES, WHEEL_MODES, campbell_exponents, wheel_exponents
 from ..science.coefficients import Model
-from ..science.nonuniform import CombinationResonance, Nonuniformity, combination_resonances, tongue_map
+from ..science.nonuniform import (
+    CombinationResonance,
+    Nonuniformity,
+    combination_resonances,
+    tongue_map,
+    tongue_threshold,
+)
 from ..science.unit import MODAL, REACTION, TireWheelUnit
+from .measured_tire import table as measured_tire  # noqa: F401 - looked up here by name
 from .road_tables import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 
 FloatArray = NDArray[np.float64]
@@ -32,6 +40,7 @@ LOAD = 1961.33  # 200 kgf [N]
 
 BELT_MODELS: tuple[Model, ...] = ("inextensional", "hybrid")  # the paper's "rotating" and "hybrid"
 FIG3_RPM = (0, 800, 1600, 3600)
+FIG3_ZETA_N = (0.02, 0.2)  # of the paper's caption; of its text
 FIG4_MODES = (2, 3, 4)
 FIG5_CASES = ((0, 0.05), (2000, 0.05), (2000, 0.5))  # speed [rpm], zeta_s
 FIG6_ZETA_1 = (0.02, 0.05, 0.1, 0.2, 0.5)
@@ -39,21 +48,21 @@ FIG7_ZETA_S = (0.05, 0.5)
 DAMPINGS = (MODAL, REACTION)
 WHEEL_MODELS: tuple[wheel.Model, ...] = ("inextensional", "complete")
 CAMPBELL_MODES = (2, 3, 4)
-TONGUE_ZETA = (0.0, 0.02)  # zeta_1 and zeta_s
-TONGUE_EPS = tuple(round(0.2 * k / 30, 6) for k in range(31))
+TONGUE_ZETA = (0.0, 0.05)  # zeta_1 and zeta_s
+TONGUE_EPS = tuple(round(0.24 * k / 30, 6) for k in range(31))
 
 SIDES = {"plus": 1.0, "minus": -1.0}  # what Omega adds to their frequencies on the ring
 
 
 def fig3() -> Table:
-    """Steady radial deflection of the belt by modes 2 to 30, the load standing at the contact (4.5)."""
-    unit = TireWheelUnit.table_1(zeta_n=0.02)
+    """Steady deflection of the belt by modes 2 to 30, the load standing at the contact (4.5), for both zeta_n."""
     angle = np.linspace(-180.0, 180.0, 721)
     table = {"angle_from_contact_deg": angle}
-    for model in BELT_MODELS:
-        for rpm in FIG3_RPM:
-            u_z, _ = ring.steady_response(unit, rpm * RPM, LOAD, ring.CONTACT_ANGLE + np.radians(angle), model=model)
-            table[f"u_z_{model}_{rpm}_rpm_mm"] = 1e3 * u_z
+    for zeta_n, model, rpm in product(FIG3_ZETA_N, BELT_MODELS, FIG3_RPM):
+        unit = TireWheelUnit.table_1(zeta_n=zeta_n)
+        both = ring.steady_response(unit, rpm * RPM, LOAD, ring.CONTACT_ANGLE + np.radians(angle), model=model)
+        for name, deflection in zip(("u_z", "u_theta"), both, strict=True):
+            table[f"{name}_{model}_{rpm}_rpm_zeta_n_{zeta_n}_mm"] = 1e3 * deflection
     return table
 
 
@@ -107,8 +116,8 @@ def fig5() -> Table:
         response = simulate(unit, time, rpm * RPM, LOAD, initial="rest")
         case = f"{rpm}_rpm_zeta_s_{zeta_s}_mm"
         table[f"y_{case}"] = 1e3 * response.wheel_displacement
-        table[f"y_c_{case}"] = 1e3 * response.ring_centre[:, 1]
         table[f"x_c_{case}"] = -1e3 * response.ring_centre[:, 0]
+        table[f"y_c_{case}"] = 1e3 * response.ring_centre[:, 1]
     return table
 
 
@@ -124,7 +133,7 @@ def fig6() -> Table:
 
 
 def fig7a() -> Table:
-    """The speed at which stability is lost over zeta_1; drawn up to 6 000 rpm."""
+    """The speed at which stability is lost, by zeta_1; drawn along the horizontal axis up to 6 000 rpm."""
     zeta_1 = _damping_ratios()
     table = {"zeta_1": zeta_1}
     for zeta_s in FIG7_ZETA_S:
@@ -225,8 +234,22 @@ def tongue_unit(zeta: float) -> tuple[TireWheelUnit, tuple[CombinationResonance,
     """Table 1 with this damping, and where its tongues begin; growth per eps [1/s], thresholds as eps."""
     unit = TireWheelUnit.table_1(zeta_1=zeta, zeta_s=zeta)
     some = 0.01
-    tips = combination_resonances(unit, sidewall(some))
-    return unit, tuple(tip._replace(growth=tip.growth / some, threshold=tip.threshold * some) for tip in tips)
+    resonances = combination_resonances(unit, sidewall(some))
+    return unit, tuple(
+        resonance._replace(growth=resonance.growth / some, threshold=resonance.threshold * some)
+        for resonance in resonances
+    )
+
+
+def tongue_thresholds(zeta: float) -> list[tuple[float, float]]:
+    """Speeds [rad/s] and eps of the lowest points of the tongues, of the verdict; of those that damping leaves."""
+    some = 0.01
+    unit, _ = tongue_unit(zeta)
+    each = combination_resonances(unit, sidewall(some))
+    found = [
+        tongue_threshold(unit, sidewall(some), resonance) for resonance in each if resonance.threshold * some < 0.5
+    ]
+    return [(lowest.speed, lowest.scale * some) for lowest in found if lowest is not None]
 
 
 def write_csv(path: Path, table: Table) -> None:

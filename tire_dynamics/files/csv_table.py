@@ -10,15 +10,15 @@ import difflib
 import math
 import re
 from array import array
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from datetime import date
-from decimal import Decimal
 from itertools import chain, islice
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
-from typing import TYPE_CHECKING, Final, NamedTuple, TextIO
+from typing import TYPE_CHECKING, NamedTuple, TextIO
 
+from .csv_times import ROS_TIME_S, Clock
+from .csv_units import TIME_UNITS, is_known_unit, is_unit, unit_named
 from .errors import InputError, missing
 
 if TYPE_CHECKING:
@@ -27,81 +27,15 @@ if TYPE_CHECKING:
 
 __all__ = ["ROS_TIME_S", "TIME_UNITS", "Column", "Table", "is_unit", "read_table", "unit_named"]
 
-ROS_TIME_S: Final = 2**31  # builtin_interfaces/Time holds an int32 of seconds
-TIME_UNITS: Final = {"s": 9, "ms": 6, "us": 3, "ns": 0}  # decimal places of the unit in ns
-
 _MAX_LINE = 2**20  # characters
 _HEAD, _HEAD_SIZE = 500, 2**24  # lines, and characters, in which the columns' names must stand
 _DELIMITERS = (",", ";", "\t")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _NOTHING = ("", "nan", "na", "n/a", "null", "none", "-nan", "#n/a")
 
-_SPELLINGS: Final[Mapping[str, Mapping[str, Sequence[str]]]] = {
-    "time": {
-        "s": ("s", "sec", "secs", "second", "seconds"),
-        "ms": ("ms", "msec", "millisecond", "milliseconds"),
-        "us": ("us", "usec", "µs", "μs", "microsecond", "microseconds"),
-        "ns": ("ns", "nsec", "nanosecond", "nanoseconds"),
-    },
-    "speed": {
-        "rad/s": ("rad/s", "rad/sec", "radian/s", "radians/s", "radian/sec", "radians/sec", "rad_s"),
-        "rpm": ("rpm", "1/min", "r/min", "rev/min", "min-1", "u/min"),
-        "rev/s": ("rev/s", "1/s", "hz", "rps", "r/s"),
-        "deg/s": ("deg/s", "°/s", "degree/s", "degrees/s", "deg/sec", "deg_s"),
-        "m/s": ("m/s", "mps", "m/sec", "meter/s", "m_s"),
-        "km/h": ("km/h", "kph", "kmh", "kmph", "km/hr"),
-        "mph": ("mph", "mi/h", "mile/h", "miles/h"),
-    },
-    "load": {
-        "N": ("n", "newton", "newtons"),
-        "kN": ("kn", "kilonewton", "kilonewtons"),
-        "daN": ("dan",),
-        "lbf": ("lbf", "lb", "lbs", "pound_force"),
-        "kgf": ("kgf", "kg", "kp"),
-        "m/s^2": ("m/s^2", "m/s2", "m/s²", "m/s/s", "m/sec^2", "m_s2", "ms2"),
-        "g": ("g", "gee", "gs"),
-    },
-}
-_UNIT_OF: Final = {
-    quantity: {spelling: unit for unit, spellings in units.items() for spelling in spellings}
-    for quantity, units in _SPELLINGS.items()
-}
 _TIME_NAME = re.compile(
     r"(?i)[#%_\s]*(elapsed[ _]*)?(time([ _]?stamps?)?|t|utc|stamp|date[ _]?time|interval|seconds)([ _]([mun]?s|sec))?"
 )
-
-
-def unit_named(quantity: str, text: str) -> str | None:
-    """The unit of "time", "speed" or "load" that a text is a spelling of."""
-    return _UNIT_OF[quantity].get(text.strip().strip("[]()").strip().lower())
-
-
-_OTHERS = (
-    "v",
-    "mv",
-    "a",
-    "ma",
-    "%",
-    "bar",
-    "kpa",
-    "psi",
-    "°c",
-    "degc",
-    "deg",
-    "°",
-    "rad",
-    "m",
-    "mm",
-    "km",
-    "nm",
-    "w",
-    "kw",
-)
-
-
-def is_unit(text: str) -> bool:
-    """Whether a text is a spelling of any unit that is known here."""
-    return text.strip().lower() in _OTHERS or any(unit_named(quantity, text) for quantity in _UNIT_OF)
 
 
 class Column(NamedTuple):
@@ -148,7 +82,7 @@ class Table:
     notes : list of str
         What was recognised and how it is taken.
     doubts : list of str
-        What is hardly meant so.
+        Doubtful values, one line each.
     """
 
     path: Path
@@ -329,131 +263,6 @@ def _time_column(header: _Header, notes: list[str], name: str) -> int:
     return 0
 
 
-# -- times --------------------------------------------------------------------------------------------------------
-
-_CLOCK = r"(\d{1,2}):(\d{2})(?::(\d{2})(?:[.,](\d+))?)?\s*([AaPp][Mm])?"
-_DATES = (
-    re.compile(rf"(?P<y>\d{{4}})[-/.](?P<m>\d{{1,2}})[-/.](?P<d>\d{{1,2}})[T\s]+{_CLOCK}\s*(?P<zone>\S*)"),
-    re.compile(rf"(?P<d>\d{{1,2}})[-\s](?P<m>[A-Za-z]{{3}})[a-z]*[-,\s]+(?P<y>\d{{4}})[T\s]+{_CLOCK}\s*(?P<zone>\S*)"),
-)
-_OF_DAY = re.compile(rf"{_CLOCK}")
-_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec".split()
-_ZONE = re.compile(r"([+-])(\d{2}):?(\d{2})?")
-_WITH_UNIT = re.compile(r"(\S+)\s*(s|sec|secs|seconds|ms|us|ns)")
-_DAY = 86400 * 10**9
-_EPOCH = date(1970, 1, 1).toordinal()
-
-
-def _of_day(hours: str, minutes: str, seconds: str | None, fraction: str | None, half: str | None) -> int:
-    hour = int(hours)
-    if half:
-        hour = hour % 12 + (12 if half.lower() == "pm" else 0)
-    if hour > 23 or int(minutes) > 59 or int(seconds or 0) > 60:
-        raise ValueError
-    return (hour * 3600 + int(minutes) * 60 + int(seconds or 0)) * 10**9 + int((fraction or "")[:9].ljust(9, "0"))
-
-
-def _date(cell: str) -> tuple[int, bool]:
-    """Time since 1970 [ns], and whether its zone was said."""
-    for pattern in _DATES:
-        match = pattern.fullmatch(cell)
-        if match is None:
-            continue
-        *clock, _ = [part for k, part in enumerate(match.groups()) if k >= 3]
-        month = match["m"]
-        number = int(month) if month.isdigit() else _MONTHS.index(month.lower()) + 1
-        day = date(int(match["y"]), number, int(match["d"])).toordinal() - _EPOCH
-        at = day * _DAY + _of_day(*clock)
-        zone = match["zone"]
-        if zone in ("", "Z", "z", "UTC", "GMT"):
-            return at, bool(zone)
-        offset = _ZONE.fullmatch(zone)
-        if offset is None:
-            raise ValueError
-        minutes = int(offset[2]) * 60 + int(offset[3] or 0)
-        return at - (minutes if offset[1] == "+" else -minutes) * 60 * 10**9, True
-    raise ValueError
-
-
-class _Clock:
-    """Reads a file's times, all in the manner of the first."""
-
-    def __init__(self, name: str, cell: str, unit: str | None, said: str, decimal: Callable[[str], str]) -> None:
-        self.notes: list[str] = []
-        self.doubts: list[str] = []
-        self._decimal = decimal
-        self._last, self._days = -1, 0
-        text = cell.strip()
-        try:
-            _, zoned = _date(text)
-        except ValueError:
-            pass
-        else:
-            self.read: Callable[[str], int | None] = self._of_date
-            self.notes.append(f"{name}: times are dates" + ("" if zoned else " without a zone, taken for UTC"))
-            return
-        match = _OF_DAY.fullmatch(text)
-        if match and (match[3] is not None or match[4] is not None):
-            self.read = self._of_clock
-            self.notes.append(f"{name}: times are of the day, hh:mm:ss")
-            return
-        self.read = self._of_number
-        header = unit_named("time", said) if said else None
-        if unit is None and header is not None and header != "s":
-            self.notes.append(f"{name}: times are in {header}, as its header says")
-        elif unit is not None and header is not None and unit != header:
-            self.doubts.append(
-                f"{name}: the header says that times are in {header}, and --time-unit that they are {unit}"
-            )
-        chosen = unit or header
-        if chosen is None:
-            chosen = self._by_size(text)
-            if chosen != "s":
-                self.notes.append(f"{name}: times are taken for {chosen} since 1970, {text[:30]} being the first")
-        self._decimals = TIME_UNITS[chosen]
-        self._latest = Decimal(ROS_TIME_S).scaleb(9 - self._decimals)
-
-    def _by_size(self, text: str) -> str:
-        try:
-            size = abs(Decimal(self._decimal(text)))
-            for unit, low in (("ns", 10**17), ("us", 10**14), ("ms", 10**11)):
-                if low <= size < ROS_TIME_S * 10 ** (9 - TIME_UNITS[unit]):
-                    return unit
-        except ArithmeticError:
-            pass
-        return "s"
-
-    def _of_date(self, cell: str) -> int | None:
-        return _date(cell.strip())[0]
-
-    def _of_clock(self, cell: str) -> int | None:
-        match = _OF_DAY.fullmatch(cell.strip())
-        if match is None:
-            raise ValueError
-        at = _of_day(*match.groups())
-        if at < self._last - _DAY // 2:
-            self._days += 1  # past midnight
-        self._last = at
-        return at + self._days * _DAY
-
-    def _of_number(self, cell: str) -> int | None:
-        """[ns]; None beyond the range of ROS time."""
-        text = self._decimal(cell.strip())
-        try:
-            time = Decimal(text)
-        except ArithmeticError:
-            match = _WITH_UNIT.fullmatch(text)  # MATLAB's durations
-            if match is None:
-                raise
-            time = Decimal(match[1])
-        if not time.is_finite():
-            raise ValueError
-        if abs(time) >= self._latest:
-            return None
-        # In decimals to the last digit: seconds since the epoch have more of them than a float has.
-        return int(time.scaleb(self._decimals).to_integral_value())
-
-
 # -- the rows -----------------------------------------------------------------------------------------------------
 
 
@@ -503,7 +312,7 @@ def _parse(path: Path, file: TextIO, columns: Sequence[str], time_column: str | 
     )
     notes += [f"{path.name}: {words}"] if words and (header.delimiter == "," or "thousands" in words) else []
 
-    clock: _Clock | None = None
+    clock: Clock | None = None
     times, values = array("q"), array("d")
     unusable, first_unusable, others = 0, "", 0
     width = max(places)
@@ -518,7 +327,7 @@ def _parse(path: Path, file: TextIO, columns: Sequence[str], time_column: str | 
             continue
         else:
             if clock is None:
-                clock = _Clock(path.name, row[places[0]], time_unit, clock_column.unit, decimal)
+                clock = Clock(path.name, row[places[0]], time_unit, clock_column.unit, decimal)
             time, sample, why = _read_row(row, places, header, clock, decimal)
         if why:
             unusable += 1
@@ -587,12 +396,12 @@ def _has_digit(cell: str) -> bool:
 
 def _is_units(cells: Sequence[str]) -> bool:
     """Whether a row has nothing but units, at least one of them of a time, speed or load."""
-    known = [any(unit_named(quantity, cell) for quantity in _UNIT_OF) for cell in cells]
+    known = [is_known_unit(cell) for cell in cells]
     return any(known) and not any(map(_is_number, cells))
 
 
 def _read_row(
-    row: Sequence[str], places: Sequence[int], header: _Header, clock: _Clock, decimal: Callable[[str], str]
+    row: Sequence[str], places: Sequence[int], header: _Header, clock: Clock, decimal: Callable[[str], str]
 ) -> tuple[int, list[float], str]:
     """Time [ns], values, and what is wrong with the row."""
     names = header.cells

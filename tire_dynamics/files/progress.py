@@ -39,7 +39,7 @@ def progress(
     what : str
         What is being done.
     size : callable
-        What an item counts; 1 unless told.
+        What an item counts; 1 if left out.
     unit : str
         Of what is counted, as in "messages".
     quiet : bool

@@ -20,7 +20,8 @@ from ..files.errors import InputError
 from ..files.progress import progress
 
 if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
+    from concurrent.futures import Future
+    from multiprocessing.process import BaseProcess
 
 __all__ = ["Failure", "Workers", "add_arguments", "workers"]
 
@@ -54,7 +55,7 @@ def workers(jobs: int | None, scheduler: str | None) -> Workers:
     Parameters
     ----------
     jobs : int, optional
-        Processes on this machine, 1 unless told. They start as they are needed.
+        Processes on this machine, 1 if left out. They start as they are needed.
     scheduler : str, optional
         The address of a Dask scheduler, whose workers it is then.
 
@@ -109,56 +110,82 @@ def _attempt(function: Callable[[T], R], item: T) -> R | Failure:
         reason = f"{error.filename or type(error).__name__}: {error.strerror or error}"
     except Exception as error:  # a fault of ours; the other items are none the worse
         reason = f"{type(error).__name__}: {error}"
+    return _failure(reason)
+
+
+def _failure(reason: str) -> Failure:
     line = " ".join(reason.split())
     return Failure(line if len(line) <= MOST_TEXT else f"{line[:MOST_TEXT]} ...")
 
 
 # -- on this machine --------------------------------------------------------------------------------------------------
-# An executor of concurrent.futures would not do: if a process of its pool dies, it gives up all that is waiting, and
-# it does not say which item was the one.
 
 
 class _Worker:
-    """A process that takes one item after the other."""
+    """A process that takes one item after the other.
+
+    It is an executor of one process. In an executor of many, the end of one process fails every item that waits or is
+    being worked on, and which of them was the cause is not known.
+    """
 
     def __init__(self) -> None:
-        from multiprocessing import get_context, resource_tracker  # not above: `--help` loads this module
+        from concurrent.futures import ProcessPoolExecutor  # not above: `--help` loads this module
+        from multiprocessing import get_context
 
-        context = get_context("spawn")  # a fork would take over the threads' locks of whatever runs here
-        self.connection, theirs = context.Pipe()
-        self._process = context.Process(target=_work, args=(theirs,), daemon=True)
+        # A fork would take over the threads' locks of whatever runs here.
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), _prepare)
+        self._process: BaseProcess | None = None
+
+    def submit(self, function: Callable[[T], R], item: T) -> Future[R | Failure]:
+        """Begin with an item; the worker has none at the time."""
+        if self._process is not None:
+            return self._executor.submit(_attempt, function, item)
+        from multiprocessing import active_children, resource_tracker
+
+        others = active_children()
         # Ctrl-C in a terminal reaches every process; it is ours to end the others. They inherit what is blocked.
         resource_tracker.ensure_running()  # else it is started there, which may unblock
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
-            self._process.start()
+            future = self._executor.submit(_attempt, function, item)  # this starts the process
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
-        theirs.close()  # its death is then the end of what we receive
+        self._process = next((process for process in active_children() if process not in others), None)
+        return future
 
-    def receive(self) -> Any:
-        """What the function returned; a Failure if the process has ended."""
+    def result(self, future: Future[R | Failure]) -> R | Failure:
+        """What the function returned, or a Failure; the future is done."""
+        from concurrent.futures.process import BrokenProcessPool
+
         try:
-            return self.connection.recv()
-        except (EOFError, OSError):
-            self._process.join()
-            code = self._process.exitcode or 0
-            signals = {number.value: number.name for number in signal.Signals}
-            how = f"by {signals.get(-code, f'signal {-code}')}" if code < 0 else f"with exit status {code}"
-            return Failure(f"the process that worked on it ended {how}")
+            return future.result()
+        except BrokenProcessPool:
+            self.end()
+            return Failure(f"the process that worked on it ended {self._how()}")
+        except Exception as error:  # the item or the result cannot be sent to another process
+            return _failure(f"{type(error).__name__}: {error}")
+
+    def _how(self) -> str:
+        code = None if self._process is None else self._process.exitcode
+        if code is None or code >= 0:
+            return f"with exit status {code}"
+        signals = {number.value: number.name for number in signal.Signals}
+        return f"by {signals.get(-code, f'signal {-code}')}"
 
     @property
     def alive(self) -> bool:
-        return self._process.is_alive()
+        """Whether it can take an item."""
+        return self._process is not None and self._process.is_alive()
 
     def end(self) -> None:
-        self._process.terminate()
-        self._process.join()
-        self.connection.close()
+        """End the process, whatever it does, and wait until it has ended."""
+        if self.alive and self._process is not None:
+            self._process.terminate()
+        self._executor.shutdown()
 
 
-def _work(items: Connection) -> None:
-    """What a worker does: items are received and results sent until there is nobody at the other end."""
+def _prepare() -> None:
+    """What a worker does first."""
     from multiprocessing import parent_process
     from os import _exit
     from threading import Thread
@@ -172,9 +199,6 @@ def _work(items: Connection) -> None:
         _exit(1)
 
     Thread(target=watch, daemon=True).start()  # however the parent ends, nobody is left who wants the result
-    with suppress(EOFError, OSError):
-        while True:
-            items.send(_attempt(*items.recv()))
 
 
 class _Processes(Workers):
@@ -183,30 +207,25 @@ class _Processes(Workers):
         self._idle: list[_Worker] = []
 
     def each(self, function: Callable[[T], R], items: Iterable[T]) -> Generator[tuple[int, R | Failure], None, None]:
-        from multiprocessing.connection import wait
+        from concurrent.futures import FIRST_COMPLETED, wait
 
         waiting = enumerate(items)
-        running: dict[Any, tuple[int, _Worker]] = {}
+        running: dict[Future[R | Failure], tuple[int, _Worker]] = {}
 
         def fill() -> None:
             while len(running) < self._count and (following := next(waiting, None)) is not None:
                 number, item = following
                 worker = self._take()
-                running[worker.connection] = number, worker
-                with suppress(BrokenPipeError, ConnectionResetError):  # it is found to have ended when we receive
-                    worker.connection.send((function, item))
+                running[worker.submit(function, item)] = number, worker
 
         try:
             fill()
             while running:
-                for ready in wait(list(running)):
-                    number, worker = running[ready]
-                    result = worker.receive()
-                    del running[ready]
-                    if worker.alive:
-                        self._idle.append(worker)
-                    else:
-                        worker.end()
+                for future in wait(running, return_when=FIRST_COMPLETED).done:
+                    number, worker = running[future]
+                    result = worker.result(future)
+                    del running[future]
+                    self._idle.append(worker)
                     fill()
                     yield number, result
         finally:
@@ -295,7 +314,7 @@ class _Cluster(Workers):
         except CancelledError:
             return Failure(f"the scheduler at {self._address} has gone")
         except Exception as error:  # such as the package missing there
-            return Failure(" ".join(f"the worker cannot: {type(error).__name__}: {error}".split()))
+            return _failure(f"the worker cannot: {type(error).__name__}: {error}")
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

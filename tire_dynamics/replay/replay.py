@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-import itertools
-import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..bag import BagReader, BagWriter, Block
+from ..bag import BagReader, BagWriter
 from ..bag.writer import keep_apart
 from ..cdr import messages
 from ..files.errors import InputError
-from ..files.progress import progress
+from .bag_setup import bag_setup, check, log_record, pipeline_of
 from .doubts import InputDoubts
-from .inputs import first_reasons, hint, reasons
-from .parameters import NODE_NAME, complete, read_config
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types, is_input
+from .events import between_records, received_events, recorded_events
+from .input_watch import doubts_of, watched
+from .inputs import reasons
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline
 
-__all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
-
-IntArray = NDArray[np.int64]
+__all__ = ["Summary", "replay"]
 
 _MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depend on and that may change in a log
-_LEAST = 4096  # messages that are taken together; more cost memory and save nothing
 
 
 class Summary(NamedTuple):
@@ -52,6 +45,8 @@ def replay(
     output: str | PathLike[str],
     *,
     config: str | PathLike[str] | None = None,
+    inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
@@ -69,12 +64,16 @@ def replay(
     config : path, optional
         Parameters, as :func:`~tire_dynamics.replay.parameters.read_config` takes them. What it leaves out is a
         log's own, and for any other bag the default, with the wheels that its topics name.
+    inputs : path, optional
+        A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
+    vehicle : path, optional
+        A car, as :func:`~tire_dynamics.read_vehicle` takes it: its loads are estimated (``load_source: estimate``).
     force : bool
         Replace an output that exists.
     quiet : bool
         Show no progress, not even on a terminal.
     remaps, joints : mapping, optional
-        As :func:`plan` takes them.
+        As :func:`~tire_dynamics.replay.bag_setup.bag_setup` takes them.
     clock : {"stamp", "log"}, optional
         One clock for stamps and log times, as :class:`~tire_dynamics.bag.BagReader` takes it: ``stamp`` for
         recordings of simulated time. The output has the inputs on that clock.
@@ -97,19 +96,16 @@ def replay(
     """
     reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    how = plan(reader, config, remaps, joints)
+    how = bag_setup(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
     if log is None:
         check(reader, how)
-    try:
-        pipeline = Pipeline(values)
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
+    pipeline = pipeline_of(reader, how)
     seen = InputDoubts(reader, pipeline.values, names) if log is None else None
     if clock is None and log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
-        blocks = _recorded(reader, names, quiet)
+        blocks = recorded_events(reader, names, pipeline, quiet)
     else:
-        blocks = _received(reader, names, pipeline, seen, quiet)
+        blocks = received_events(reader, names, pipeline, seen, quiet)
     try:
         received, written = _run(pipeline, blocks, names, Path(output), force, own_parameters=config is None)
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
@@ -120,110 +116,10 @@ def replay(
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
     without = reasons(reader, values, names, still)
-    return Summary(received, written, pipeline.values, reader.damage, without, [] if seen is None else seen.doubts())
-
-
-class Plan(NamedTuple):
-    """How a bag is replayed: all parameters, full names by the topics' relative ones, and the first log record."""
-
-    values: dict[str, Any]
-    names: dict[str, str]
-    log: dict[str, Any] | None
-
-
-def plan(
-    reader: BagReader,
-    config: str | PathLike[str] | None = None,
-    remaps: Mapping[str, str] | None = None,
-    joints: Mapping[str, str] | None = None,
-) -> Plan:
-    """How a bag would be replayed; of its messages only the first log record is read.
-
-    Parameters
-    ----------
-    reader : BagReader
-    config : path, optional
-        As :func:`replay` takes it.
-    remaps : mapping, optional
-        Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
-    joints : mapping, optional
-        Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
-
-    Raises
-    ------
-    InputError
-        It cannot be replayed; the reason says what is missing.
-    """
-    remaps = dict(remaps or {})
-    log = _log_of(reader, must=config is None)
-    given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
-    if "wheels" not in given:
-        given = {**given, "wheels": _wheels(reader, remaps)}
-    try:
-        values = complete(given)
-        if joints:
-            values = complete({**values, "joint_names": _joint_names(values, joints)})
-    except ValueError as error:
-        raise InputError(f"{reader.path}: {error}") from None
-    return Plan(values, _names(reader, values["wheels"], values["load_source"], log, remaps), log)
-
-
-def check(reader: BagReader, how: Plan) -> dict[str, str]:
-    """See that the first messages of a bag's inputs can be used: their encoding, clocks, joints and velocities.
-
-    Parameters
-    ----------
-    reader : BagReader
-    how : Plan
-
-    Returns
-    -------
-    dict
-        By wheel, why it will have no outputs; those for which nothing says so are not in it.
-
-    Raises
-    ------
-    InputError
-        No wheel can have outputs; the reason says why, and what helps.
-    """
-    found = first_reasons(reader, how.values, how.names)
-    if len(found) == len(how.values["wheels"]):
-        wheels: dict[str, list[str]] = {}
-        for wheel, reason in found.items():
-            wheels.setdefault(reason, []).append(wheel)
-        raise InputError(f"{reader.path}: " + "; ".join(f"{', '.join(names)}: {why}" for why, names in wheels.items()))
-    return found
-
-
-def _joint_names(values: Mapping[str, Any], joints: Mapping[str, str]) -> list[str]:
-    """The wheels' joints with those that are given."""
-    wheels = values["wheels"]
-    for wheel in joints:
-        if wheel not in wheels:
-            raise InputError(f"--joint: {wheel} is no wheel; the wheels are {', '.join(wheels)}")
-    return [joints.get(wheel, name) for wheel, name in zip(wheels, values["joint_names"], strict=True)]
-
-
-def joints_of(texts: Iterable[str]) -> dict[str, str]:
-    """Joint by wheel, of texts such as ``front_left:=fl_wheel_joint``."""
-    joints = {}
-    for text in texts:
-        wheel, sign, name = text.partition(":=")
-        if not (wheel and sign and name):
-            raise InputError(f"--joint is {text!r}; it must be WHEEL:=NAME, as in front_left:=fl_wheel_joint")
-        joints[wheel] = name
-    return joints
-
-
-def remaps_of(texts: Iterable[str]) -> dict[str, str]:
-    """Topic of the bag by input, of texts such as ``front_left/load:=/fl/force_torque``."""
-    remaps = {}
-    for text in texts:
-        topic, sign, name = text.partition(":=")
-        if not (topic and sign and name):
-            raise InputError(f"--remap is {text!r}; it must be INPUT:=TOPIC, as in front_left/load:=/fl/force_torque")
-        remaps[topic.strip("/")] = f"/{name.lstrip('/')}"
-    return remaps
+    doubts = [] if seen is None else seen.doubts()
+    if seen is not None and pipeline.mapped:
+        doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
+    return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 
 def _run(
@@ -243,7 +139,12 @@ def _run(
     ):
         writing: Future[None] | None = None
         handles = {
-            topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in pipeline.inputs else "default")
+            topic: writer.add_topic(
+                names[topic],
+                msgtype,
+                qos="sensor_data" if topic in pipeline.inputs else "default",
+                definition=pipeline.definitions.get(msgtype),
+            )
             for topic, msgtype in (
                 *pipeline.inputs.items(), *pipeline.outputs.items(),
                 (TICK, messages.CLOCK), (LOG_RECORD, messages.STRING),
@@ -253,7 +154,7 @@ def _run(
             handles[TF_STATIC] = writer.add_topic(TF_STATIC, messages.TF, qos="latched")
         begun, dropped = False, dict[str, int]()
         channels = {topic: handles[topic] for topic in (*pipeline.inputs, *pipeline.outputs, TICK)}
-        for events in _between_records(blocks):
+        for events in between_records(blocks):
             first = events.topics[events.topic[0]]
             if first == LOG_RECORD:
                 record = log_record(events.data[events.start[0] : events.start[0] + events.size[0]])
@@ -300,7 +201,9 @@ def _continue(pipeline: Pipeline, record: Mapping[str, Any], *, first: bool, own
             pipeline.set_values({k: v for k, v in record["parameters"].items() if k.startswith(_MAY_CHANGE)})
         same = all(record["parameters"][name] == list(pipeline.values[name]) for name in ("wheels", "joint_names"))
         if same and (first or own_parameters):
-            pipeline.vehicle.restore(record["vehicle"])
+            pipeline.restore(record)
+            if not own_parameters:  # what was found live is of another system, and what is found later not taken over
+                pipeline.vehicle.wheels.judged_elsewhere = False
     except (OverflowError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
 
@@ -328,256 +231,6 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
     else:
         hint = "--config can give a longer input_timeout_s"
     what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    if pipeline.loads is not None:
+        what = "an estimated load"
     return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"
-
-
-# -- what the bag holds -----------------------------------------------------------------------------------------
-
-
-def _log_of(reader: BagReader, must: bool) -> dict[str, Any] | None:
-    """The first log record, if the bag is a log of the node; one that is damaged is none unless it ``must`` be read."""
-    topic = log_topic(reader)
-    if topic is None:
-        return None
-    for message in reader.messages([topic]):
-        try:
-            return log_record(message[4])
-        except InputError:
-            if must:
-                raise
-            return None
-    return None
-
-
-def log_topic(reader: BagReader) -> str | None:
-    """The topic of the log records, if the bag is a log of the node."""
-    ending = LOG_RECORD.removeprefix("~")
-    found = [name for name, msgtype in reader.topics.items() if name.endswith(ending) and msgtype == messages.STRING]
-    if len(found) > 1:
-        raise InputError(
-            f"{reader.path}: holds logs of several nodes ({', '.join(found)}); one is read: record each by itself, or "
-            "take the topics of one with ros2 bag convert"
-        )
-    return found[0] if found else None
-
-
-def log_record(data: bytes) -> dict[str, Any]:
-    """What a log record says."""
-    try:
-        content = json.loads(messages.decode_string(data))
-        parameters, topics, vehicle = (content[name] for name in ("parameters", "topics", "vehicle"))
-        texts = [*topics, *topics.values()]
-        dicts = (parameters, vehicle, content.get("dropped", {}))
-        if all(isinstance(each, dict) for each in dicts) and all(isinstance(text, str) for text in texts):
-            return dict(content)
-    except (ValueError, TypeError, LookupError, AttributeError, RecursionError):
-        pass
-    raise InputError("the log's record of its parameters is damaged; --config gives them anew")
-
-
-def _wheels(reader: BagReader, remaps: Mapping[str, str]) -> list[str]:
-    """The wheels that the bag's load or road topics name, front_left of /car/front_left/load, or ``remaps`` do."""
-    kinds = {"load": messages.WRENCH_STAMPED, "load_force": messages.FLOAT64, "road_height": messages.FLOAT64}
-    parts = {name: name.split("/") for name in reader.topics}
-    wheels = [part[-2] for name, part in parts.items() if len(part) > 2 and reader.topics[name] == kinds.get(part[-1])]
-    wheels += [wheel for wheel, _, name in (topic.rpartition("/") for topic in remaps) if wheel and name in kinds]
-    if not wheels:
-        wanted = " or ".join(f"<wheel>/{name} of {kind}" for name, kind in kinds.items())
-        could_be = [name for kind in kinds.values() for name in reader.topics if reader.topics[name] == kind]
-        example = (
-            ""
-            if not could_be
-            else f"; if {could_be[0]} is a wheel's load: --remap wheel/{_load_of(reader, could_be[0])}"
-        )
-        raise InputError(
-            f"{reader.path}: has no topic {wanted}{_encoded(reader)}{example}; its topics: {_listed(reader.topics)}"
-        )
-    return sorted(set(wheels))
-
-
-def _encoded(reader: BagReader) -> str:
-    """Of topics that cannot be read: which, how they are encoded, and what helps."""
-    others = [name for name, encoding in reader.encodings.items() if encoding != "cdr"]
-    if not others:
-        return ""
-    encoding = reader.encodings[others[0]]
-    more = f" and {len(others) - 1} more" if len(others) > 1 else ""
-    return f" that can be read: {others[0]}{more} are encoded as {encoding}, and only cdr is read{hint(encoding)}"
-
-
-def _load_of(reader: BagReader, name: str) -> str:
-    """The remap that makes a topic a load."""
-    return f"{'load' if reader.topics[name] == messages.WRENCH_STAMPED else 'load_force'}:={name}"
-
-
-def _names(
-    reader: BagReader,
-    wheels: tuple[str, ...],
-    load_source: str,
-    log: Mapping[str, Any] | None,
-    remaps: Mapping[str, str],
-) -> dict[str, str]:
-    """Full names in the bag by the relative names of all topics."""
-    node = f"/{NODE_NAME}"
-    names = {TICK: f"{node}/tick", LOG_RECORD: f"{node}/log_record"}
-    types = input_types(wheels, load_source)
-    for topic, name in remaps.items():
-        if topic not in types:
-            raise InputError(f"--remap: {topic} is no input; the inputs are {', '.join(types)}")
-        if name not in reader.topics:
-            raise InputError(
-                f"{reader.path}: has no topic {name}, which --remap names; its topics: {_listed(reader.topics)}"
-            )
-    for topic, msgtype in types.items():
-        known = remaps.get(topic) or (log or {}).get("topics", {}).get(topic)
-        if known is None and f"/{topic}" in reader.topics:
-            known = f"/{topic}"
-        found = [name for name in reader.topics if (name == known if known else name.endswith(f"/{topic}"))]
-        if len(found) > 1:
-            several = ", ".join(sorted(found))
-            raise InputError(
-                f"{reader.path}: several topics could be {topic}: {several}; "
-                f"--remap {topic}:={sorted(found)[0]} takes one"
-            )
-        names[topic] = found[0] if found else f"/{topic}"
-        if found and reader.topics[found[0]] != msgtype:
-            raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
-    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
-    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
-    for wheel in wheels:
-        loads = [topic for kind in kinds if names[topic := f"{wheel}/{kind}"] in reader.topics]
-        if not loads:
-            present = _listed(reader.topics)
-            raise InputError(
-                f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
-                f"name there: --remap {wheel}/{kinds[0]}:=/its/name; its topics: {present}"
-            )
-        ending = loads[0].removeprefix(wheel)
-        beside = names[loads[0]].removesuffix(ending) if names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in outputs:
-            names[f"{wheel}/{output}"] = f"{beside}/{output}"
-    if log is not None:
-        names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
-    _see_apart(reader, names, remaps)
-    speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
-    if not any(name in reader.topics for name in speeds):
-        present = _listed(reader.topics)
-        raise InputError(
-            f"{reader.path}: has neither joint_states nor <wheel>/wheel_speed; if the speeds have another name there: "
-            f"--remap joint_states:=/its/name; its topics: {present}"
-        )
-    return names
-
-
-def _see_apart(reader: BagReader, names: Mapping[str, str], remaps: Mapping[str, str]) -> None:
-    """See that no topic of the bag is to be two things; ``InputError`` that names both if one is."""
-    known: dict[str, str] = {}
-    for topic, name in names.items():
-        if (other := known.setdefault(name, topic)) != topic:
-            how = "--remap makes" if {topic, other} & remaps.keys() else "the bag has"
-            raise InputError(f"{reader.path}: {how} {name} both {other} and {topic}; each needs a topic of its own")
-
-
-def _listed(topics: Iterable[str]) -> str:
-    return ", ".join(sorted(topics)) or "none"
-
-
-# -- the order of events ----------------------------------------------------------------------------------------
-
-
-def _between_records(blocks: Iterable[Events]) -> Iterator[Events]:
-    """The events, :data:`LOG_RECORD` among them, cut such that each log record is one of its own."""
-    for events in blocks:
-        record = events.topics.index(LOG_RECORD) if LOG_RECORD in events.topics else -1
-        records = np.flatnonzero(events.topic == record)
-        edges = np.unique(np.concatenate([[0], records, records + 1, [events.topic.size]]))
-        for first, last in itertools.pairwise(edges.tolist()):
-            yield events.part(slice(first, last))
-
-
-def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[Events]:
-    """A log's own events, in the order in which they were written."""
-    relative = {name: topic for topic, name in names.items()}
-    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or is_input(topic)}
-    blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
-    for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
-        topics = tuple(relative.get(name, "") for name in block.topics)
-        ticks = np.flatnonzero(block.topic == topics.index(TICK)) if TICK in topics else np.empty(0, np.int64)
-        valid, times = messages.decode_clocks(block.data, block.start[ticks], block.size[ticks])
-        if not valid.all():
-            start = block.start[ticks[~valid][0]]
-            messages.decode_clock(block.data[start : start + block.size[ticks[~valid][0]]])  # says why
-        tick, published = np.zeros_like(block.log_time), block.publish_time.copy()
-        tick[ticks] = published[ticks] = times
-        yield Events(topics, block.topic, block.log_time, published, tick, block.data, block.start, block.size)
-
-
-def _received(
-    reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, seen: InputDoubts | None, quiet: bool
-) -> Iterator[Events]:
-    """The inputs in the order of their receipt, and ticks between them, at the multiples of the period.
-
-    Once nothing has been received for so long that every wheel has stopped, there are no ticks until something
-    is: a pause of a year in the bag costs nothing.
-    """
-    period = pipeline.vehicle.settings.period
-    silence = 2 * pipeline.vehicle.settings.input_timeout + period
-    relative = {names[topic]: topic for topic in names if is_input(topic)}
-    due = last = None
-    blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
-    for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
-        if seen is not None:
-            seen.take(block)
-        times = block.log_time
-        if due is None or last is None:
-            last = int(times[0])
-            due = _up_to_multiple(last, period)
-        ticks, due = _ticks_before(times, due, last, period, silence)
-        last = int(times[-1])
-        yield _with_ticks(block, tuple(relative.get(name, "") for name in block.topics), ticks)
-    if due is not None and due == last:
-        data = messages.encode_clock(due)
-        moment, one = np.array([due]), np.zeros(1, np.int64)
-        yield Events((TICK,), one, moment, moment, moment, data, one, one + len(data))
-
-
-def _ticks_before(times: IntArray, due: int, last: int, period: int, silence: int) -> tuple[IntArray, int]:
-    """The ticks before messages at ascending times, the next due and the last message before them given; the next."""
-    pieces = []
-    before = np.concatenate([[last], times[:-1]])
-    pauses = np.flatnonzero(times - before > silence)
-    for pause in [*pauses.tolist(), None]:
-        end = int(times[-1] if pause is None else before[pause] + silence + 1)
-        if end > due:
-            piece = np.arange(due, end, period)
-            pieces.append(piece)
-            due = int(piece[-1]) + period
-        if pause is not None:  # go on with the last tick before this message
-            due = max(due, _up_to_multiple(int(times[pause]), period) - period)
-    return np.concatenate([np.empty(0, np.int64), *pieces]), due
-
-
-def _with_ticks(block: Block, topics: tuple[str, ...], ticks: IntArray) -> Events:
-    """Messages and ticks in order; a tick is before the messages of later times."""
-    encoded = messages.encode_clocks(ticks)
-    size = len(encoded[0]) if encoded else 0
-    place = np.searchsorted(block.log_time, ticks, side="right")
-    start = len(block.data) + size * np.arange(ticks.size)
-    columns = [
-        np.insert(column, place, values)
-        for column, values in (
-            (block.topic, len(topics)), (block.log_time, ticks), (np.zeros_like(block.log_time), ticks),
-            (block.start, start), (block.size, size), (block.publish_time, ticks),
-        )
-    ]  # fmt: skip
-    data = block.data + b"".join(encoded)
-    topic, received, tick, starts, sizes, published = columns
-    return Events((*topics, TICK), topic, received, published, tick, data, starts, sizes)
-
-
-def _size(block: Block) -> int:
-    return block.topic.size
-
-
-def _up_to_multiple(moment: int, period: int) -> int:
-    return -(-moment // period) * period

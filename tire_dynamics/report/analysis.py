@@ -36,7 +36,7 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
 MEASURED = 0
-"""The stretch of a :class:`WheelAngle` whose angles are those that were measured."""
+"""The segment of a :class:`WheelAngle` whose angles are those that were measured."""
 
 
 # -- decimation ---------------------------------------------------------------------------------------------------
@@ -253,7 +253,7 @@ class WheelAngle:
     def __init__(self, longest: float) -> None:
         self._longest = longest
         self._waiting: list[FloatArray] = []
-        self._since = np.empty((4, 0))  # the last sample before the last tick: time, speed, angle, stretch
+        self._since = np.empty((4, 0))  # the last sample before the last tick: time, speed, angle, segment
         self._tick, self._position = -math.inf, math.nan
         self._lost = MEASURED
         self.measured = 0  # angles that were of use
@@ -274,20 +274,20 @@ class WheelAngle:
         -------
         angle, speed : (T,) ndarray
             [rad], not wrapped, and [rad/s]; NaN before the first sample.
-        stretch : (T,) ndarray of int
-            ``MEASURED``, or the number of the stretch at whose begin the angle was set to 0.
+        segment : (T,) ndarray of int
+            ``MEASURED``, or the number of the segment at whose begin the angle was set to 0.
         """
         if tick.size and (np.diff(tick, prepend=self._tick) < 0.0).any():
             self._waiting, self._since = [], np.empty((4, 0))
         if tick.size:
             self._tick = float(tick[-1])
-        time, speed, angle, stretch = self._resolved()
+        time, speed, angle, segment = self._resolved()
         place = np.searchsorted(time, tick, side="right") - 1
         if not time.size:
             unknown = np.full(tick.size, math.nan)
             return unknown, unknown, np.zeros(tick.size, np.int64)
         held = np.where(place >= 0, speed[place], math.nan)
-        return angle[place] + held * (tick - time[place]), held, stretch[place].astype(np.int64)
+        return angle[place] + held * (tick - time[place]), held, segment[place].astype(np.int64)
 
     def _resolved(self) -> FloatArray:
         """The samples from the one before the last tick to those at this one."""
@@ -307,28 +307,28 @@ class WheelAngle:
         self.measured += int(measured.sum())
         known = self._since.shape[1]  # 1, or 0 at the begin
         time, speed, angle = np.concatenate([self._since[:3], new], axis=1)
-        stretch = np.concatenate([self._since[3], np.zeros(time.size - known)])
+        segment = np.concatenate([self._since[3], np.zeros(time.size - known)])
         measured = np.concatenate([np.zeros(known, np.bool_), measured])
         wait = np.diff(time, prepend=time[0] if known else -math.inf)
         lost = ~measured & (wait > self._longest)
         angle[lost] = 0.0
-        stretch[lost] = self._lost + np.cumsum(lost)[lost]
+        segment[lost] = self._lost + np.cumsum(lost)[lost]
         self._lost += int(lost.sum())
         begin = np.maximum.accumulate(np.where(measured | lost, np.arange(time.size), 0))
         turned = np.concatenate([[0.0], np.cumsum(speed[:-1] * wait[1:])])
-        columns = np.stack([time, speed, angle[begin] + turned - turned[begin], stretch[begin]])
+        columns = np.stack([time, speed, angle[begin] + turned - turned[begin], segment[begin]])
         self._since = columns[:, -1:]
         return columns
 
 
 class Orders:
-    """The harmonics of a force over the wheel's angle, and how far one stretch of turns differs from the next.
+    """The harmonics of a force over the wheel's angle, and how far one segment of turns differs from the next.
 
-    Each stretch is weighted by Hann's window over the angle, so that a load that drifts is not taken for a harmonic,
+    Each segment is weighted by Hann's window over the angle, so that a load that drifts is not taken for a harmonic,
     and each sample by the angle that it stands for, so that what is driven slowly counts no more.
     """
 
-    TURNS = 10.0  # of a stretch
+    TURNS = 10.0  # of a segment
 
     def __init__(self) -> None:
         self._whole, self._part, self._few = OrderSums(), OrderSums(), OrderSums()
@@ -360,11 +360,11 @@ class Orders:
         self._part = OrderSums()
         if phasors is None:
             return
-        told = np.isfinite(phasors)
-        self._parts += told
-        shift = np.where(told, phasors - self._mean, 0.0)
+        known = np.isfinite(phasors)
+        self._parts += known
+        shift = np.where(known, phasors - self._mean, 0.0)
         self._mean += shift / np.maximum(self._parts, 1.0)
-        self._squares += (shift * np.where(told, phasors - self._mean, 0.0).conj()).real
+        self._squares += (shift * np.where(known, phasors - self._mean, 0.0).conj()).real
 
     @property
     def turns(self) -> float:
@@ -372,10 +372,10 @@ class Orders:
         return self._whole.turns + self._part.turns
 
     def variation(self) -> tuple[Variation | None, FloatArray]:
-        """The harmonics of all whole stretches, and the standard errors of their peak to peaks (H,) [N].
+        """The harmonics of all whole segments, and the standard errors of their peak to peaks (H,) [N].
 
-        If no stretch is whole the harmonics are those of what there is, without weights; errors of fewer than three
-        stretches are NaN.
+        If no segment is whole the harmonics are those of what there is, without weights; errors of fewer than three
+        segments are NaN.
         """
         whole = self._whole if self._whole.turns else self._few
         n = np.where(self._parts >= 3.0, self._parts, math.nan)

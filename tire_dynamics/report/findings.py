@@ -204,7 +204,7 @@ def _setting(drive: Drive) -> list[Finding]:
     found = []
     if drive.parameters["tire.sidewall_damping"] == "modal":
         text = (
-            "tire.sidewall_damping is modal, the paper's: a turning tire passes on less than the load, and pushes the "
+            "tire.sidewall_damping is modal, the paper's: a rotating tire passes on less than the load, and pushes the "
         )
         text += "axle forward with no traction at all. For a vehicle use reaction."
         found.append(Finding("note", text))
@@ -216,10 +216,16 @@ def _setting(drive: Drive) -> list[Finding]:
         text = "The tire is not uniform: response, Campbell diagram, map and critical speed are its mean's"
         highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
         sidewall = nonuniform.Nonuniformity.of(drive.unit)
-        tongue = nonuniform.nearest_tongue(drive.unit, sidewall, highest, drive.parameters["model"])
+        model = drive.parameters["model"]
+        tongue = nonuniform.nearest_resonance(drive.unit, sidewall, highest, model)
         if tongue is not None and not drive.on_road:
+            threshold = nonuniform.tongue_threshold(drive.unit, sidewall, tongue, model)
             text += "; the tongue of instability nearest to the highest speed driven begins at "
-            text += f"{number(tongue / RPM)} rpm"
+            text += f"{number(tongue.speed / RPM)} rpm"
+            if threshold is None:
+                text += ", which damping or a wider tongue beside it keeps from opening by itself at any amplitude"
+            elif threshold.scale > 0.0:
+                text += f", where the sidewall must vary {threshold.scale:.3g} times as much as it does to open it"
         found.append(Finding("note", f"{text}."))
     return found
 

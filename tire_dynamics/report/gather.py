@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,11 +15,13 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
+from ..replay.bag_setup import bag_setup, log_record, log_topic, pipeline_of
 from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
+from ..replay.mapped_messages import MappedMessages
 from ..replay.parameters import complete, unit_of
-from ..replay.pipeline import LOG_RECORD, TICK, input_types
-from ..replay.replay import log_record, log_topic, plan
+from ..replay.pipeline import LOG_RECORD, TICK, fixed_inputs
+from ..science.uniformity import Variation
 from .analysis import (
     MEASURED,
     Envelope,
@@ -34,7 +36,7 @@ from .analysis import (
     segment_length,
 )
 
-__all__ = ["CURVES", "Drive", "Input", "Wheel", "gather", "has_outputs"]
+__all__ = ["CURVES", "ROLLING", "Drive", "ForceHarmonics", "Input", "Wheel", "WheelHarmonics", "gather", "has_outputs"]
 
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
@@ -42,8 +44,8 @@ IntArray = NDArray[np.int64]
 CURVES = ("load_z", "axle_z", "load_x", "axle_x", "speed")
 BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels together
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
-BEYOND = 1e15  # [N]: no force of an estimator, which gives up long before; a stranger's log may have any
-MOST_GAPS = 1000  # of each wheel that are told one by one
+BEYOND = 1e15  # [N]: no force of an estimator, which marks itself diverged long before; a stranger's log may have any
+MOST_GAPS = 1000  # of each wheel that are listed one by one
 ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
 
@@ -70,6 +72,20 @@ class Input:
         return (self.messages - 1) / (self.last - self.first) if self.last > self.first else math.nan
 
 
+class ForceHarmonics(NamedTuple):
+    """The harmonics of a force over the wheel's angle, and the standard error of each peak to peak [N]."""
+
+    variation: Variation
+    error: FloatArray
+
+
+class WheelHarmonics(NamedTuple):
+    """Those of the axle force fore and aft and of the vertical one."""
+
+    x: ForceHarmonics
+    z: ForceHarmonics
+
+
 class Wheel:
     """One wheel through a drive. Forces in N, REP 103 axes; speed in rad/s; times in s."""
 
@@ -86,7 +102,7 @@ class Wheel:
         self.first = self.last = math.nan
         self.intervals = Intervals()
         self.angle = WheelAngle(timeout)
-        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by stretch
+        self._orders: dict[int, tuple[Orders, Orders]] = {}  # of axle force x and z, by segment
         self._held = HeldInput()
         self._before: tuple[float, float] | None = None  # tick and force
 
@@ -130,16 +146,16 @@ class Wheel:
         self._before = float(tick[-1]), float(force[-1, 1])
         self.last = float(tick[-1])
 
-    def take_turning(self, tick: FloatArray, force: FloatArray) -> None:
-        """Take axle forces (T, 2) at ticks, as they go round with the wheel."""
-        angle, speed, stretch = self.angle.at(tick)
+    def take_forces_by_angle(self, tick: FloatArray, force: FloatArray) -> None:
+        """Take axle forces (T, 2) at ticks, for their harmonics over the wheel's angle."""
+        angle, speed, segment = self.angle.at(tick)
         rolling = np.abs(speed) >= ROLLING
-        for number in np.unique(stretch[rolling]).tolist():
+        for number in np.unique(segment[rolling]).tolist():
             if number not in self._orders:  # of those whose zero is their own, only the longest is of use
                 longest = max(self._orders, key=lambda key: self._orders[key][0].turns, default=MEASURED)
                 self._orders = {key: some for key, some in self._orders.items() if key in (MEASURED, longest)}
                 self._orders[number] = Orders(), Orders()
-            some = rolling & (stretch == number)
+            some = rolling & (segment == number)
             for orders, column in zip(self._orders[number], force.T, strict=True):
                 orders.add(angle[some], column[some])
 
@@ -150,10 +166,25 @@ class Wheel:
 
     @property
     def orders(self) -> tuple[Orders, Orders] | None:
-        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest stretch; if any."""
+        """The harmonics of axle force x and z over the wheel's measured angle, or else its longest segment; if any."""
         if self.measured:
             return self._orders[MEASURED]
         return max(self._orders.values(), key=lambda some: some[0].turns, default=None)
+
+    @property
+    def harmonics(self) -> WheelHarmonics | None:
+        """The harmonics of the axle force; None if the wheel went too few turns, or too unevenly."""
+        if self.orders is None:
+            return None
+        (x, x_error), (z, z_error) = (orders.variation() for orders in self.orders)
+        if x is None or z is None:
+            return None
+        return WheelHarmonics(ForceHarmonics(x, x_error), ForceHarmonics(z, z_error))
+
+    @property
+    def mean_speed(self) -> float:
+        """[rad/s]; NaN if no speed is known."""
+        return self.numbers["speed"].mean
 
     @property
     def highest_speed(self) -> float:
@@ -200,7 +231,7 @@ def has_outputs(reader: BagReader) -> bool:
     """Whether a bag is a log that can be reported as it is; ``InputError`` if its record is damaged."""
     if log_topic(reader) is None:
         return False
-    names = plan(reader).names
+    names = bag_setup(reader).names
     forces = [full for name, full in names.items() if name.endswith("/axle_wrench") and full in reader.topics]
     return any(True for _ in reader.messages(forces))
 
@@ -258,7 +289,9 @@ class _Reading:
     """A log on its way through."""
 
     def __init__(self, reader: BagReader) -> None:
-        self.parameters, self.names, log = plan(reader)
+        self.parameters, self.names, log = how = bag_setup(reader)
+        if self.parameters["load_source"] == "estimate":
+            raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
         self.begin = reader.start_ns
         self.duration = max((reader.end_ns - reader.start_ns) * 1e-9, 1e-9)
@@ -273,9 +306,14 @@ class _Reading:
         self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
         self.inputs = {
             relative: Input(self.names[relative], kind)
-            for relative, kind in input_types(wheels, self.parameters["load_source"]).items()
-            if self.names[relative] in reader.topics
+            for relative, kind in fixed_inputs(self.parameters).items()
+            if self.names.get(relative) in reader.topics
         }
+        self._fixed = fixed_inputs(self.parameters).keys()
+        self._mapped = MappedMessages(pipeline_of(reader, how).mapped, len(wheels))
+        for topic, kind in self._mapped.topics.items():
+            self.inputs.setdefault(topic, Input(self.names[topic], kind))
+        self._mapped_loads: dict[str, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
         self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
 
@@ -290,7 +328,7 @@ class _Reading:
         edges = np.searchsorted(block.topic[order], np.arange(len(block.topics) + 1))
 
         def of(relative: str) -> IntArray:
-            number = where.get(self.names[relative])
+            number = where.get(self.names.get(relative, ""))
             return np.empty(0, np.int64) if number is None else order[edges[number] : edges[number + 1]]
 
         place = of(LOG_RECORD)
@@ -300,7 +338,11 @@ class _Reading:
         valid, ticks = messages.decode_clocks(block.data, block.start[place], block.size[place])
         self._ticks, self._tick_place = ticks[valid], place[valid]
         self.clock_resets += int((np.diff(self._ticks, prepend=self._tick) < 0).sum())
-        self._take_joint_states(block, of("joint_states"))
+        if "joint_states" in self._fixed:
+            self._take_joint_states(block, of("joint_states"))
+        self._mapped_loads = {}
+        for topic in self._mapped.topics.keys() - self._fixed:
+            self._take_mapped(topic, block, of(topic))
         for wheel in self.wheels:
             place = of(name := f"{wheel.name}/wheel_speed")
             valid, speed = messages.decode_float64s(block.data, block.start[place], block.size[place])
@@ -313,7 +355,7 @@ class _Reading:
             wheel.unusable += int((~usable).sum())
             tick, force = self._seconds(stamp[usable]), force[usable]
             wheel.take_forces(tick, force, acts, load)
-            wheel.take_turning(tick, force)
+            wheel.take_forces_by_angle(tick, force)
             place = of(f"{wheel.name}/ring_deflection")
             belts = np.empty(place.size, object)
             belts[:] = [block.data[k : k + n] for k, n in zip(block.start[place], block.size[place], strict=True)]
@@ -395,6 +437,27 @@ class _Reading:
                     angle = np.full(speed.size, math.nan) if positions is None else positions[:, column]
                     self._take_usable_speeds("joint_states", wheel, valid[some], acts[some], speed, stamp[some], angle)
 
+    def _take_mapped(self, topic: str, block: Block, place: IntArray) -> None:
+        if not place.size:
+            return
+        where = block.log_time[place], block.data, block.start[place], block.size[place]
+        samples = self._mapped.read(topic, *where)
+        valid, stamp, acts = self._accepted(topic, block, place, samples.valid, samples.stamp)
+        none = np.full((place.size, len(self.wheels)), math.nan)
+        speeds, angles = (samples.values.get(name, none) for name in ("speed", "angle"))
+        loads, tractions = (samples.values.get(name, none) for name in ("load", "traction"))
+        for k, wheel in enumerate(self.wheels):
+            if "speed" in samples.values:
+                there = valid & ~np.isnan(speeds[:, k])
+                self._take_usable_speeds(topic, wheel, there, acts, speeds[:, k], stamp, angles[:, k])
+            if "load" in samples.values:
+                there = valid & ~np.isnan(loads[:, k])
+                too_high = np.abs(loads[:, k]) > self.parameters["max_load_n"]
+                there = self._refused(topic, "load too high", there, too_high)
+                self.inputs[topic].counts["off the ground"] += int((there & (loads[:, k] < 0.0)).sum())
+                part = self._seconds(acts[there]), np.maximum(loads[there, k], 0.0), np.nan_to_num(tractions[there, k])
+                self._mapped_loads.setdefault(wheel.name, []).append(part)
+
     def _take_speeds(
         self, name: str, wheel: Wheel, block: Block, place: IntArray, valid: Any, stamp: IntArray, speed: FloatArray
     ) -> None:
@@ -433,6 +496,7 @@ class _Reading:
             valid = self._refused(name, "load too high", valid, (np.abs(fz) > limit) | (np.abs(fx) > limit))
             self.inputs[name].counts["off the ground"] += int((valid & (fz < 0.0)).sum())
             parts.append((self._seconds(acts[valid]), np.maximum(fz[valid], 0.0), fx[valid]))
+        parts += self._mapped_loads.get(wheel.name, [])
         if not parts:
             return np.empty(0), np.empty(0)
         acts_s, load, traction = (np.concatenate(columns) for columns in zip(*parts, strict=True))

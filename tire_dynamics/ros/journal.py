@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -54,6 +56,8 @@ class Journal:
         self._retry = 0.0  # when to try again after an error, on the monotonic clock
         self._pause = _RETRY
         self._dropped: Counter[str] = Counter()  # by the logs before this one
+        self._said: Log | None = None  # of which it was said that it is open
+        self._mourned: Log | None = None  # of which it was said that it failed
 
     def start(self) -> Log:
         """Begin a log."""
@@ -68,12 +72,13 @@ class Journal:
         if values["tf.parent_frame"]:
             types[TF_STATIC] = (messages.TF, "latched")
         self.log = Log(
-            Path(values["log.directory"]),
+            Path(os.path.expanduser(values["log.directory"])),  # no shell does it behind `:=`
             {self.names[topic]: kind for topic, kind in types.items()},
             values["log.queue_size"],
             values["log.compression"],
             1e6 * values["log.max_size_mb"],
             values["log.max_duration_s"],
+            self.pipeline.definitions,
         )
         self._files = 1
         self.record()
@@ -110,15 +115,34 @@ class Journal:
         if self.log is not None:
             self.log.drop(self.names[topic])
 
-    def retry(self) -> None:
-        """Begin another log when the disk has refused one."""
-        self._finishing = [log for log in self._finishing if log.alive]
+    def look(self) -> None:
+        """Say what has become of logs, and begin another one when the disk has refused one."""
+        for log in [log for log in self._finishing if not log.alive]:
+            self._finishing.remove(log)
+            self._say_end(log)
+        if self.log is not None and self.log.error is not None:
+            self._say_end(self.log)
+        elif self.log is not None and self.log.is_open and self.log is not self._said:
+            self._said = self.log
+            self._logger.info(f"log opened: {self.log.folder}")
+        self._retry_if_due()
+
+    def _say_end(self, log: Log) -> None:
+        if log.error and log is not self._mourned:
+            self._mourned = log
+            self._logger.error(f"log failed: {log.error}")
+        elif not log.error:
+            self._logger.info(f"log closed: {log.folder}, {log.written} messages")
+
+    def _retry_if_due(self) -> None:
         if self.log is None or self.log.error is None:
             if self.log is None or self.log.kept:
                 self._pause, self._trouble = _RETRY, ""
             self._retry = time.monotonic() + self._pause
+        elif not self.pipeline.values["log.directory"]:
+            self.finish()
+            self._logger.info("log.directory is empty: no other log is tried")
         elif time.monotonic() >= self._retry:
-            self._logger.error(self.log.error)
             self._trouble = self.log.error
             self.finish()
             self._logger.info(f"trying {self.start().folder}")
@@ -144,23 +168,31 @@ class Journal:
     def close(self) -> None:
         """Wait for all logs to be closed, and say which were."""
         for log in self.end():
-            if log.error:
-                self._logger.error(log.error)
-            else:
-                self._logger.info(f"log closed: {log.folder}, {log.written} messages")
+            self._say_end(log)
 
-    def switch(self, on: bool) -> tuple[bool, str]:
-        """Start or stop logging; whether that is done, and what was."""
+    def switch(self, on: bool) -> Callable[[], tuple[bool, str] | None]:
+        """Start or stop logging; what tells whether that is done, and what was, or None as long as the disk works."""
         if not on:
             message = f"closing {self.log.folder}" if self.log is not None else "there was no log"
             self.finish()
-            return True, message
+            return lambda: (True, message)
         if self.log is not None and self.log.error is None:
-            return True, f"logging to {self.log.folder} already"
+            return partial(self._opened, self.log, "logging to {} already")
         if not self.pipeline.values["log.directory"]:
-            return False, "log.directory is empty; set it to say where logs are to be written"
+            return lambda: (False, "log.directory is empty; set it to say where logs are to be written")
         self.finish()
-        return True, f"logging to {self.start().folder}"
+        return partial(self._opened, self.start(), "logging to {}")
+
+    def _opened(self, log: Log, message: str) -> tuple[bool, str] | None:
+        if log.is_open:
+            return True, message.format(log.folder)
+        if log.error is None and log is self.log:
+            return None
+        reason = log.error or f"{log.folder}: was to be closed before it was open"
+        if log is self.log:  # who asked knows of it, and asks again
+            self._say_end(log)
+            self.finish()
+        return False, reason
 
     def account(self) -> tuple[dict[str, Any], str, str]:
         """For the diagnostics: values, what ended the log, and what is missing in it."""

@@ -7,7 +7,7 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..cdr.messages import BODY, LITTLE_ENDIAN, encoded_string, sec_nanosec
+from ..cdr.primitives import BODY, LITTLE_ENDIAN, encoded_string, sec_nanosec
 
 __all__ = ["MARKER_ARRAY", "MarkerBuilder"]
 

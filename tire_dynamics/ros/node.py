@@ -5,17 +5,19 @@ from __future__ import annotations
 import gc
 import json
 import math
+import re
 import sys
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import rclpy
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.experimental import EventsExecutor
@@ -29,13 +31,18 @@ from visualization_msgs.msg import MarkerArray
 from ..cdr import messages
 from ..estimator.vehicle import modes_on_the_road
 from ..files.errors import InputError, first_line
+from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
-from . import diagnostics, node_parameters
+from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
+from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
+from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
+from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
+from .qos_overrides import QosOverrides
 from .stop import Stop
 from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
@@ -43,6 +50,7 @@ from .worker import Worker
 __all__ = ["TireDynamicsNode", "run"]
 
 _IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
+_LOOK = 0.25  # [s] between two looks at inputs and logs, for /rosout
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
 _NOT_ACTIVE = "the node is not active"
@@ -59,6 +67,14 @@ class _PeriodicTask:
         self.call = call
         self.period = round(1e9 * seconds)
         self.due = time.monotonic_ns() + self.period
+
+
+class _Second(NamedTuple):
+    """Counters at a moment: the diagnostics speak of what has come since the last ones."""
+
+    ticks: int = 0
+    missed: int = 0
+    samples: Sequence[Counter[str]] = ()
 
 
 class TireDynamicsNode(LifecycleNode):
@@ -90,6 +106,9 @@ class TireDynamicsNode(LifecycleNode):
 
     _pipeline: Pipeline
     _monitor: UniformityMonitor
+    _watch: InputWatch
+    _doubts: list[str]  # of the inputs, as they were said last
+    _announcer: Announcer
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
     def __init__(
@@ -99,6 +118,7 @@ class TireDynamicsNode(LifecycleNode):
         arguments: Sequence[str] | None = None,
         paced: bool = False,
     ) -> None:
+        self._made_by_rclpy = self._configured = self._declaring = False
         try:
             super().__init__(
                 NODE_NAME,
@@ -107,12 +127,10 @@ class TireDynamicsNode(LifecycleNode):
                 automatically_declare_parameters_from_overrides=True,
             )
         except (ParameterException, ValueError) as error:
-            if "PARAMETER_NOT_SET" in str(error):
-                names = "wheels, joint_names, frame_ids or tf.positions"
-                raise InputError(f"{names} is an empty list; give it entries, or leave it out") from None
             raise InputError(first_line(error)) from None
         except RuntimeError as error:  # rcl's own: a middleware that cannot do what it is asked, as security
             raise InputError(first_line(error)) from None
+        self._made_by_rclpy = True
         self._clock_now = self.get_clock()
         self._autostart = self._active = False
         self._made: list[tuple[Callable[[Any], Any], Any]] = []  # what goes when the node is cleaned up
@@ -121,11 +139,14 @@ class TireDynamicsNode(LifecycleNode):
         self._journal = Journal(self.get_logger(), self._now)
         self._worker, self._judge = Worker(), Worker()  # who waits for a judgement keeps nothing else waiting
         self._analyst = Analyst()
-        self._unanswered: set[Deferred] = set()
+        self._unanswered: dict[Deferred, Any] = {}  # with the response of each
+        self._switching: list[tuple[Callable[[], tuple[bool, str] | None], Deferred]] = []
+        self._questions: set[tuple[int, float]] = set()  # of wheels that have diverged, not yet answered
         self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
         self._ticks = self._missed = self._before_clock = 0
+        self._before = self._second = _Second()
         self._step_times: list[float] = []
         self._stabilities: list[dict[str, Any]] = []
         self._next_wheel = 0
@@ -137,14 +158,17 @@ class TireDynamicsNode(LifecycleNode):
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._say(f"starting as {self.get_fully_qualified_name()}")
         try:
-            self._diagnostics = self.create_publisher(DiagnosticArray, DIAGNOSTICS, 10)
+            self._qos = QosOverrides(self)
+            self._diagnostics = self._qos.publisher(DiagnosticArray, DIAGNOSTICS, 10)
             self._add_task(1.0, self._diagnose)
+            self.add_on_set_parameters_callback(self._check_change)
+            self.add_post_set_parameters_callback(self._apply_change)
             self._autostart = self._is_to_start()
             if self._autostart:
                 self._change(self.trigger_configure)
                 self._change(self.trigger_activate)
             else:
-                node_parameters.declare_loosely(self)
+                self._declare(node_parameters.declare_free)
                 self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
@@ -221,24 +245,36 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._pipeline, self._wanted = Pipeline(values), values
+            pipeline = Pipeline(values, definitions_of(values))
+        except ValueError as error:  # of the field map, whose types are known only here
+            raise InputError(str(error)) from None
+        try:
+            self._pipeline, self._wanted = pipeline, values
             self._period = self._pipeline.vehicle.settings.period
-            node_parameters.declare(self, values, read_only=self._autostart)
+            self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
+            self._configured = True
         except BaseException:
             self._clean_up()
             raise
         self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._pipeline.inputs)} topics")
 
     def _activate(self) -> None:
-        self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
+        made = Pipeline(self._pipeline.values, self._pipeline.definitions)  # nothing of what was before
+        self._journal.pipeline = self._pipeline = made
         self._wanted = self._pipeline.values
+        self._pipeline.vehicle.wheels.judged_elsewhere = True  # no tick waits for it
+        self._questions.clear()
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
+        self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        self._missing: tuple[str, ...] | None = None
         self._time = None
+        self._before = self._second = self._present_second()
         try:
             if self._pipeline.values["log.directory"]:
                 self._journal.start().wait_until_open()
+                self._journal.look()
         except InputError:
             self._journal.end()
             raise
@@ -248,13 +284,19 @@ class TireDynamicsNode(LifecycleNode):
         log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
         rate = self._pipeline.values["rate_hz"]
         self._say(f"active: {wheels} wheel{'s' if wheels > 1 else ''}, {rate:g} Hz, {log}")
+        self._announcer = Announcer(
+            self.get_logger(), self._pipeline, self._journal.names, lambda: self._active and self._now() == 0
+        )
 
     def _deactivate(self) -> None:
         was_active, self._active = self._active, False
         self._worker.forget()
         self._judge.forget()
         while self._unanswered:
-            self._unanswered.pop().answer(Trigger.Response(success=False, message=_NOT_ACTIVE))
+            deferred, response = self._unanswered.popitem()
+            response.success, response.message = False, _NOT_ACTIVE
+            deferred.answer(response)
+        self._switching.clear()
         self._preparing = False
         if was_active and self._not_in_force():  # what was accepted counts, and the log says so
             self._pipeline.set_values(self._wanted)
@@ -266,20 +308,23 @@ class TireDynamicsNode(LifecycleNode):
         while len(self._made) > kept:
             destroy, entity = self._made.pop()
             destroy(entity)
+        self._configured = False
         if not self._autostart:
-            node_parameters.declare_loosely(self)
+            self._declare(node_parameters.declare_free)
 
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
-            subscription = self.create_subscription(
-                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+            if (name := self.resolve_topic_name(topic)) in names.values():
+                raise InputError(f"{topic} of inputs.*.topic is {name}, an input already; write both in the same way")
+            subscription = self._qos.subscription(
+                message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
             names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
-            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            self._outputs[topic] = self._publisher(topic, message_class(msgtype), 10)
             names[topic] = self._outputs[topic].topic_name
         names[DIAGNOSTICS] = self._diagnostics.topic_name
         names[TF_STATIC] = TF_STATIC
@@ -293,21 +338,37 @@ class TireDynamicsNode(LifecycleNode):
             for index, frame in enumerate(self._pipeline.values["frame_ids"])
         ]
         for index, wheel in enumerate(wheels):
-            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", self._stability_service(index)))
-        self._service(SetBool, "~/set_logging", self._set_logging)
+            reply = self._stability_service(index, _put_as_json)
+            allow_deferred(self._service(Trigger, f"{wheel}/floquet_stability", reply))
+        self._connect_typed(wheels)
+        allow_deferred(self._service(SetBool, "~/set_logging", self._set_logging))
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_task(1.0 / len(wheels), self._update_stability)
+        self._add_task(_LOOK, self._look)
         if not self._paced:
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
-        self.add_on_set_parameters_callback(self._check_change)
-        self._made.append((self.remove_on_set_parameters_callback, self._check_change))
-        self.add_post_set_parameters_callback(self._apply_change)
-        self._made.append((self.remove_post_set_parameters_callback, self._apply_change))
+        self._qos.check()
+
+    def _connect_typed(self, wheels: Sequence[str]) -> None:
+        """The topic and the service of each wheel that need messages which may not be installed."""
+        self._wheel_states = None
+        try:
+            if not typed.are_installed():
+                return
+        except RuntimeError as error:
+            self.get_logger().warning(f"no topic <wheel>/{typed.TOPIC}, no service <wheel>/{typed.SERVICE}: {error}")
+            return
+        from tire_dynamics_msgs.srv import FloquetStability
+
+        self._wheel_states = typed.WheelStates(wheels, self._pipeline.values["frame_ids"], self._publisher)
+        for index, wheel in enumerate(wheels):
+            reply = self._stability_service(index, _put_into_fields)
+            allow_deferred(self._service(FloquetStability, f"{wheel}/{typed.SERVICE}", reply))
 
     def _publisher(self, topic: str, kind: Any, qos: Any) -> Any:
-        publisher = self.create_publisher(kind, topic, qos)
+        publisher = self._qos.publisher(kind, topic, qos)
         self._made.append((self.destroy_publisher, publisher))
         return publisher
 
@@ -325,31 +386,65 @@ class TireDynamicsNode(LifecycleNode):
             self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
             return
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
+        self._publisher(TF_STATIC, message_class(messages.TF), qos).publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
-    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
-        values = node_parameters.changed(changes)
-        fixed = [name for name in values if node_parameters.ROWS[name].read_only]
-        if fixed:
-            reason = f"{fixed[0]} may change only while the node is unconfigured"
-            return SetParametersResult(successful=False, reason=reason)
+    def declare_parameters(
+        self, namespace: str, parameters: Sequence[Any], ignore_override: bool = False
+    ) -> list[RosParameter]:
+        """As of every node; but what comes from files and the command line need not have a value or a type."""
+        if ignore_override and not self._made_by_rclpy:
+            parameters = [(name, value, ParameterDescriptor(dynamic_typing=True)) for name, value, *_ in parameters]
+        return super().declare_parameters(namespace, parameters, ignore_override)
+
+    def set_parameters_atomically(self, parameter_list: Sequence[RosParameter]) -> SetParametersResult:
+        """As of every node; and what cannot be set may be set to what it is, as ``ros2 param load`` of a dump does."""
+        changes = node_parameters.meant(parameter_list)
+        if self._configured:
+            changes = [each for each in changes if not node_parameters.is_in_force(self, self._wanted, each)]
+        if not changes and parameter_list:
+            return SetParametersResult(successful=True)
+        return super().set_parameters_atomically(changes)
+
+    def _declare(self, declare: Callable[[TireDynamicsNode], None]) -> None:
+        self._declaring = True
         try:
+            declare(self)
+        finally:
+            self._declaring = False
+
+    def _check_change(self, changes: Sequence[RosParameter]) -> SetParametersResult:
+        if self._declaring:
+            return SetParametersResult(successful=True)
+        values = node_parameters.changed(changes)
+        try:
+            if not self._configured:
+                node_parameters.check(self, values)
+                return SetParametersResult(successful=True)
+            for name in values:
+                if node_parameters.ROWS[name].read_only:
+                    raise ValueError(f"{name} may change only while the node is unconfigured")
             complete({**self._wanted, **values})
         except ValueError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
 
     def _apply_change(self, changes: Sequence[RosParameter]) -> None:
-        values = node_parameters.changed(changes)
+        values = {} if self._declaring else node_parameters.changed(changes)
         if not values:
             return
+        if not self._configured:  # what was given of another type has its own from now on
+            self._declare(node_parameters.declare_free)
+            return
         self._wanted = complete({**self._wanted, **values})
-        if self._active:
+        waits = self._preparing or any(name.startswith("tire.") for name in self._not_in_force())
+        if self._active and waits:
             self._prepare_change()
-        else:
-            self._pipeline.set_values(self._wanted)
+            return
+        self._pipeline.set_values(self._wanted)
+        if self._active:
+            self._journal.record()
 
     def _prepare_change(self) -> None:
         """Have what the wanted values need computed beside the ticks; those that come meanwhile, behind it."""
@@ -393,7 +488,12 @@ class TireDynamicsNode(LifecycleNode):
             self._journal.put(topic, now, now, data)
             self._pipeline.receive(topic, now, data)
 
-        return callback
+        def joints(data: bytes) -> None:
+            if self._active:
+                self._announcer.joint_states = data
+            callback(data)
+
+        return joints if topic == "joint_states" else callback
 
     def until_tick(self) -> float:
         """Time until the next tick is due [s], on the steady clock; negative if it is late."""
@@ -409,6 +509,8 @@ class TireDynamicsNode(LifecycleNode):
         if not self._active:
             self._deadline = steady + _IDLE
         elif late >= 0:
+            if self._time is None:  # the deadlines begin with the first tick, whatever the start of the process took
+                self._deadline, late = steady, 0
             missed = late // self._period
             self._deadline += (1 + missed) * self._period
             now = self._now()
@@ -440,6 +542,8 @@ class TireDynamicsNode(LifecycleNode):
     def _deliver_results(self) -> None:
         self._worker.deliver(_AT_ONCE)
         self._judge.deliver(_AT_ONCE)
+        if self._switching:
+            self._answer_switches()
 
     def _tick_at(self, now: int, stamp: int | None) -> None:
         if stamp is None:
@@ -466,7 +570,7 @@ class TireDynamicsNode(LifecycleNode):
                     self._journal.drop(topic)
 
     def _show(self, stamp: int, belts: Sequence[tuple[str, bytes]]) -> None:
-        """The markers of the wheels whose belts have come, where somebody looks at them."""
+        """Markers and state of the wheels whose belts have come, where somebody looks at them."""
         scale, vehicle = self._pipeline.values["marker_force_scale"], self._pipeline.vehicle
         shapes = {topic: data for topic, data in belts if topic.endswith("/ring_shape")}
         for index, wheel in enumerate(vehicle.settings.wheels):
@@ -477,6 +581,8 @@ class TireDynamicsNode(LifecycleNode):
                 points = messages.ring_points(data, vehicle.settings.ring_samples)
                 markers = self._marker_builders[index].build(stamp, points, *forces, scale)
                 self._markers[index].publish(markers)
+            if data is not None and self._wheel_states is not None:
+                self._wheel_states.publish(index, stamp, vehicle, self._stabilities[index])
 
     def _due(self, now: int) -> int | None:
         """The time to advance to: the latest of the regular instants, one period apart, that has come.
@@ -504,17 +610,30 @@ class TireDynamicsNode(LifecycleNode):
             return None
         return self._time
 
-    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        if self._active:
-            response.success, response.message = self._journal.switch(request.data)
-        else:
+    def _set_logging(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response | Deferred:
+        if not self._active:
             response.success, response.message = False, _NOT_ACTIVE
-        return response
+            return response
+        deferred = Deferred()
+        self._switching.append((self._journal.switch(request.data), deferred))
+        self._unanswered[deferred] = response
+        return deferred
+
+    def _answer_switches(self) -> None:
+        waiting = []
+        for outcome, deferred in self._switching:
+            if (found := outcome()) is None:
+                waiting.append((outcome, deferred))
+            else:
+                response = self._unanswered.pop(deferred)
+                response.success, response.message = found
+                deferred.answer(response)
+        self._switching = waiting
 
     # -- stability and diagnostics --------------------------------------------------------------------------
 
-    def _stability_service(self, index: int) -> Any:
-        def reply(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response | Deferred:
+    def _stability_service(self, index: int, put: Callable[[dict[str, Any], Any], None]) -> Any:
+        def reply(request: Any, response: Any) -> Any:
             if not self._active:
                 response.success, response.message = False, _NOT_ACTIVE
                 return response
@@ -522,15 +641,18 @@ class TireDynamicsNode(LifecycleNode):
             name = vehicle.settings.wheels[index]
 
             def answer(found: dict[str, Any] | None, error: Exception | None) -> None:
-                self._unanswered.discard(deferred)
+                self._unanswered.pop(deferred, None)
                 response.success = found is not None
-                response.message = str(error) if found is None else json.dumps({**found, "wheel": name})
+                if found is None:
+                    response.message = str(error)
+                else:
+                    put({**found, "wheel": name}, response)
                 deferred.answer(response)
 
             if not self._ask_for_stability(vehicle.inputs[index].speed, answer):
                 response.success, response.message = False, _BUSY
                 return response
-            self._unanswered.add(deferred)
+            self._unanswered[deferred] = response
             return deferred
 
         return reply
@@ -564,17 +686,48 @@ class TireDynamicsNode(LifecycleNode):
         work = partial(variation_of, monitor.taken(index))
         self._looking = self._worker.ask(("variation", index), work, keep_variation)
 
-    def _diagnose(self) -> None:
+    def _look(self) -> None:
         if self._active:
-            self._journal.retry()
+            self._journal.look()
+            self._announcer.look()
+            self._ask_for_restarts()
+
+    def _ask_for_restarts(self) -> None:
+        """Have the stability of wheels that have diverged found beside the ticks; in the log stands when it was."""
+        wheels, unit = self._pipeline.vehicle.wheels, self._pipeline.vehicle.unit
+        for question in wheels.questions():
+            if question in self._questions:
+                continue
+
+            def answer(found: Any, error: Exception | None, question: tuple[int, float] = question) -> None:
+                self._questions.discard(question)
+                is_stable = found is not None and found["verdict"] != "unstable"
+                if is_stable and self._pipeline.vehicle.wheels is wheels and self._pipeline.vehicle.unit == unit:
+                    wheels.answer(*question)
+                    self._journal.record()
+
+            if self._ask_for_stability(question[1], answer):
+                self._questions.add(question)
+
+    def _present_second(self) -> _Second:
+        return _Second(self._ticks, self._missed, [inputs.counts for inputs in self._pipeline.vehicle.inputs])
+
+    def _diagnose(self) -> None:
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
+            self._before, self._second = self._second, self._present_second()
+            self._look_at_inputs()
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
+            if (loads := self._pipeline.loads) is not None:
+                array.status.append(self._status("load estimate", of_loads(loads)))
+                if change := change_of(self._missing, loads):
+                    self.get_logger().warning(change)
+                self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
@@ -582,7 +735,24 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
+    def _look_at_inputs(self) -> None:
+        """Say what has become odd about the inputs, once: numbers in it change from second to second."""
+        known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
+        self._doubts = self._watch.look(self._pipeline.take_sums())
+        for doubt in self._doubts:
+            if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
+                self.get_logger().warning(f"doubtful: {doubt}")
+
     def _node_status(self) -> DiagnosticStatus:
+        missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
+        simulated = bool(self._clock_now.ros_time_is_active)
+        slow = diagnostics.of_ticks(missed, ticks, self._pipeline.values["rate_hz"], simulated)
+        self._announcer.warn_of_ticks(slow[1])
+        name = self.get_fully_qualified_name()
+        namesakes = f"{self._namesakes} other nodes are called {name}" if self._namesakes > 0 else ""
+        warning = DiagnosticStatus.WARN
+        doubtful = f"doubtful: {self._doubts[0]}" if self._doubts else ""
+        troubles = [(warning, namesakes), (DiagnosticStatus.ERROR, self._announcer.no_clock), slow, (warning, doubtful)]
         times, self._step_times = self._step_times, []
         values = {
             "ticks": self._ticks,
@@ -594,9 +764,11 @@ class TireDynamicsNode(LifecycleNode):
             **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
+            **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
-        wheels, name = len(self._pipeline.vehicle.inputs), self.get_fully_qualified_name()
-        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), self._namesakes, name))
+        wheels = len(self._pipeline.vehicle.inputs)
+        return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), troubles))
 
     def _idle_status(self) -> DiagnosticStatus:
         _, state = self._state_machine.current_state
@@ -604,11 +776,13 @@ class TireDynamicsNode(LifecycleNode):
 
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation)
+        samples = self._second.samples[index] - self._before.samples[index]
+        hint, load_source = self._announcer.misfit, self._pipeline.values["load_source"]
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint, load_source)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
-        return diagnostics.message(self.get_name(), self.get_fully_qualified_name(), name, found)
+        return diagnostics.message(self.get_fully_qualified_name(), name, found)
 
     def _not_in_force(self) -> list[str]:
         values = self._pipeline.values
@@ -664,6 +838,15 @@ def run(stop: Stop) -> None:
         node.close()
 
 
+def _put_as_json(found: dict[str, Any], response: Any) -> None:
+    response.message = json.dumps(found)
+
+
+def _put_into_fields(found: dict[str, Any], response: Any) -> None:
+    response.wheel = found["wheel"]
+    typed.fill_stability(response.stability, found)
+
+
 def _wake(executor: Any) -> None:
     """End the executor's wait now and then.
 
@@ -673,10 +856,3 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
-
-
-def _message_class(msgtype: str) -> Any:
-    from importlib import import_module
-
-    package, _, name = msgtype.split("/")
-    return getattr(import_module(f"{package}.msg"), name)

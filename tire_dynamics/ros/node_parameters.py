@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
@@ -10,9 +9,9 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from ..replay.parameters import PARAMETERS, Parameter, complete
+from ..replay.parameters import PARAMETERS, Parameter, complete, is_of_every_node, unit_of
 
-__all__ = ["ROWS", "changed", "declare", "declare_loosely", "given", "whole"]
+__all__ = ["ROWS", "changed", "check", "declare", "declare_free", "given", "is_in_force", "meant", "whole"]
 
 ROWS = {row.name: row for row in PARAMETERS}
 """The rows of the table by their names."""
@@ -21,25 +20,70 @@ _TYPES = {
     "boolean": RosParameter.Type.BOOL,
     "double": RosParameter.Type.DOUBLE,
     "double[]": RosParameter.Type.DOUBLE_ARRAY,
+    "double | double[]": RosParameter.Type.DOUBLE_ARRAY,
     "integer": RosParameter.Type.INTEGER,
     "string": RosParameter.Type.STRING,
     "string[]": RosParameter.Type.STRING_ARRAY,
+    "string | string[]": RosParameter.Type.STRING_ARRAY,
 }
+_NULL = ("null", "~", "None")  # YAML's, of which rcl makes texts; rclpy's parameter client writes the last
 
 
 def given(node: Node) -> dict[str, Any]:
-    """Values of the node's parameters, in the types of the table; without those that every node has."""
+    """Values of the node's parameters, in the types of the table; without those that every node has.
+
+    Null is left out: it is the default.
+    """
     found: dict[str, RosParameter] = node.get_parameters_by_prefix("")
-    return {
-        name: _plain(parameter.value)
-        for name, parameter in found.items()
-        if parameter.value is not None and not _is_rclpys(name)
-    }
+    values = {name: _plain(parameter.value) for name, parameter in found.items() if not is_of_every_node(name)}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def changed(changes: Iterable[RosParameter]) -> dict[str, Any]:
     """Values of those parameters among some that are in the table."""
     return {change.name: _plain(change.value) for change in changes if change.name in ROWS}
+
+
+def meant(changes: Iterable[RosParameter]) -> list[RosParameter]:
+    """Changes with the types of the table: an empty list has none of its own, and null is the default."""
+    return [_typed(change.name, _meant(change)) if change.name in ROWS else change for change in changes]
+
+
+def is_in_force(node: Node, wanted: Mapping[str, Any], change: RosParameter) -> bool:
+    """Whether a parameter that cannot be set is what it is to be set to.
+
+    Parameters
+    ----------
+    node : Node
+    wanted : mapping
+        All values of the table that are in force or soon to be.
+    change : rclpy.parameter.Parameter
+        As :func:`meant` returns it.
+    """
+    if not node.has_parameter(change.name):
+        return False
+    row = ROWS.get(change.name)
+    if row is None:
+        is_fixed = bool(node.describe_parameter(change.name).read_only)
+        return is_fixed and bool(node.get_parameter(change.name).value == change.value)
+    try:
+        value = row.check(_plain(change.value))
+        if value == wanted[row.name]:
+            return True
+        return row.read_only and complete({**wanted, row.name: value})[row.name] == wanted[row.name]
+    except ValueError:
+        return False
+
+
+def check(node: Node, values: Mapping[str, Any]) -> None:
+    """Check each of some values by its row, and the tire as a whole; ``ValueError`` says what is wrong.
+
+    Nothing else is checked of one against another: they may be set one after the other.
+    """
+    for name, value in values.items():
+        ROWS[name].check(value)
+    if any(name.startswith("tire.") for name in values):
+        unit_of({**given(node), **values})
 
 
 def whole(node: Node) -> dict[str, Any]:
@@ -52,52 +96,81 @@ def whole(node: Node) -> dict[str, Any]:
 def declare(node: Node, values: Mapping[str, Any], *, read_only: bool) -> None:
     """Declare every parameter with its type and range, and read-only if it is and ``read_only`` says so."""
     for name, row in ROWS.items():
-        _declare(node, name, values[name], _descriptor(row, read_only, values[name]))
+        _declare(node, row, values[name], read_only=read_only and row.read_only)
 
 
-def declare_loosely(node: Node) -> None:
-    """Declare every parameter with what it has, such that it takes any value: nothing is checked yet."""
+def declare_free(node: Node) -> None:
+    """Declare every parameter with what it has, such that it takes any value of its type and range.
+
+    What was given that has another type or is out of range stays as it is until it is set.
+    """
     values = given(node)
-    for name in {**ROWS, **values}:
-        row = ROWS.get(name)
-        value = values.get(name, row.default if row else None)
-        descriptor = ParameterDescriptor(description=row.description if row else "", dynamic_typing=True)
-        _declare(node, name, value, descriptor)
+    for name, row in ROWS.items():
+        value = values.get(name, row.default)
+        try:
+            row.check(value)
+        except ValueError:
+            _undeclare(node, name)
+            node.declare_parameter(
+                name, value, ParameterDescriptor(description=row.description, dynamic_typing=True), ignore_override=True
+            )
+        else:
+            _declare(node, row, row.check(value), read_only=False)
 
 
-def _declare(node: Node, name: str, value: Any, descriptor: ParameterDescriptor) -> None:
+def _declare(node: Node, row: Parameter, value: Any, *, read_only: bool) -> None:
+    if not _undeclare(node, row.name):
+        return  # it is what it was when it was declared
+    if value != ():
+        value = list(value) if isinstance(value, tuple) else value
+        node.declare_parameter(row.name, value, _descriptor(row, read_only), ignore_override=True)
+        return
+    # An empty list would be taken for one of bytes: the type comes first, then the value, then whether it is fixed.
+    node.declare_parameter(row.name, _TYPES[row.kind], _descriptor(row, False), ignore_override=True)
+    node.set_parameters([_typed(row.name, value)])
+    node.set_descriptor(row.name, _descriptor(row, read_only))
+
+
+def _undeclare(node: Node, name: str) -> bool:
+    """Take a parameter back, if it is there; whether it could be."""
     if node.has_parameter(name):
         if node.describe_parameter(name).read_only:
-            return  # it is what it was when it was declared, and cannot be taken back
+            return False
         node.undeclare_parameter(name)
-    value = (list(value) or None) if isinstance(value, tuple) else value  # rclpy takes an empty list for one of bytes
-    node.declare_parameter(name, value, descriptor, ignore_override=True)
+    return True
 
 
-def _is_rclpys(name: str) -> bool:
-    """Whether a parameter belongs to every node and not to the table."""
-    return name in ("use_sim_time", "start_type_description_service") or name.startswith("qos_overrides.")
+def _typed(name: str, value: Any) -> RosParameter:
+    """A parameter of the table's type if it is an empty list, else of the value's own, which is then checked."""
+    value, kind = list(value) if isinstance(value, tuple) else value, ROWS[name].kind
+    return RosParameter(name, _TYPES[kind] if value == [] and kind.endswith("[]") else None, value)
+
+
+def _meant(change: RosParameter) -> Any:
+    value = _plain(change.value)
+    return ROWS[change.name].default if value is None else value
 
 
 def _plain(value: Any) -> Any:
-    return list(value) if not isinstance(value, (str, bytes, bool, int, float)) and value is not None else value
+    """A value in the types of the table; None for null."""
+    if value is None:
+        return []  # of which rcl cannot tell the type, and makes a value that is not set
+    if isinstance(value, str):
+        return None if value in _NULL else value
+    return value if isinstance(value, (bytes, bool, int, float)) else list(value)
 
 
-def _descriptor(row: Parameter, read_only: bool, value: Any) -> ParameterDescriptor:
+def _descriptor(row: Parameter, read_only: bool) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         name=row.name,
         type=_TYPES[row.kind].value,
         description=row.description,
-        read_only=row.read_only and read_only,
+        read_only=read_only,
         additional_constraints=" | ".join(row.choices),
-        # it may be empty; our own check knows its type
-        dynamic_typing=row.kind == "double[]" and (not row.read_only or not value),
     )
-    low = row.low if row.low is not None else math.ulp(0.0) if row.positive else None
-    if low is not None:
-        high = row.high if row.high is not None else float("1e300")
+    if row.low is not None and row.high is not None:
         if row.kind == "double":
-            descriptor.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+            descriptor.floating_point_range = [FloatingPointRange(from_value=float(row.low), to_value=float(row.high))]
         else:
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+            descriptor.integer_range = [IntegerRange(from_value=int(row.low), to_value=int(row.high), step=1)]
     return descriptor

@@ -21,10 +21,12 @@ from rclpy.signals import SignalHandlerOptions
 
 from ..bag import BagReader
 from ..bag.writer import offered_qos
-from ..files.errors import InputError
+from ..files.errors import InputError, first_line
 
 __all__ = ["play", "publisher_qos"]
 
+_NAME = "tire_dynamics_play"
+_SHARED = ("/clock", "/diagnostics", "/parameter_events", "/rosout", "/tf", "/tf_static")  # by cars in any namespace
 _SECOND = 1_000_000_000
 _DEPTH = 10  # of what is kept for those who come later, where the bag does not say: ROS's default
 _LEAST_DEPTH, _MOST_DEPTH = 100, 10_000  # messages that may wait for their way out
@@ -39,6 +41,7 @@ def play(
     keep_stamps: bool = False,
     wait: float = 0.0,
     max_gap: float = 3600.0,
+    ros_arguments: Sequence[str] = (),
 ) -> int:
     """Publish a bag's messages at the pace at which they were recorded, each topic with the QoS that the bag says.
 
@@ -57,6 +60,9 @@ def play(
         Seconds to wait at most for a subscriber on every topic before beginning.
     max_gap : float
         A gap between two messages that is longer than so many seconds is skipped, and said on /rosout.
+    ros_arguments : sequence of str
+        What stands behind ``--ros-args``: remappings. With a namespace (``-r __ns:=/car``) every topic moves below it,
+        but for those that all nodes share: /clock, /diagnostics, /tf, ...
 
     Returns
     -------
@@ -66,7 +72,8 @@ def play(
     Raises
     ------
     InputError
-        The bag cannot be read or has no message of a known type, or the rate is not a positive number.
+        The bag cannot be read or has no message of a known type, the rate is not a positive number, or the ROS
+        arguments cannot be used.
     """
     if not 0.0 < rate < 1e6:
         raise InputError(f"--rate is {rate}; it must be > 0 and < 1e6")
@@ -79,8 +86,12 @@ def play(
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda caught, frame: stopping.append(caught))
     context = rclpy.context.Context()
-    rclpy.init(context=context, signal_handler_options=SignalHandlerOptions.NO)
-    node = Node("tire_dynamics_play", context=context, start_parameter_services=False, enable_rosout=False)
+    try:
+        arguments = [_NAME, "--ros-args", *ros_arguments]
+        rclpy.init(args=arguments, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl reports bad arguments and files as RuntimeErrors of its own kinds
+        raise InputError(f"--ros-args: {first_line(error)}") from None
+    node = Node(_NAME, context=context, start_parameter_services=False, enable_rosout=False)
     executor = EventsExecutor(context=context)  # says which subscribers get nothing, because they ask for another QoS
     executor.add_node(node)
     try:
@@ -118,7 +129,8 @@ def _publishers(node: Node, reader: BagReader) -> dict[str, tuple[Any, bool]]:
         try:
             package, kind_of, name = msgtype.split("/")
             kind = getattr(import_module(f"{package}.{kind_of}"), name)
-            publisher = node.create_publisher(kind, topic, publisher_qos(offered_qos(reader.qos.get(topic, ""))))
+            name = topic if topic in _SHARED else f"{node.get_namespace().rstrip('/')}/{topic.removeprefix('/')}"
+            publisher = node.create_publisher(kind, name, publisher_qos(offered_qos(reader.qos.get(topic, ""))))
         except (ImportError, AttributeError, ValueError, TypeError, NameValidationException):
             node.get_logger().warning(f"{topic} is not played: {msgtype!r} is not known here")
             continue

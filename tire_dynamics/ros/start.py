@@ -14,7 +14,7 @@ _NAME = __name__.partition(".")[0]  # of the node too; the table of parameters, 
 
 
 def start(arguments: Sequence[str]) -> None:
-    """Run the node until SIGINT or SIGTERM.
+    """Run the node until SIGINT, SIGTERM or SIGHUP.
 
     Parameters
     ----------

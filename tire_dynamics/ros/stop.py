@@ -1,4 +1,4 @@
-"""What SIGINT and SIGTERM do to the node, from its first line on."""
+"""What SIGINT, SIGTERM and SIGHUP do to the node, from its first line on."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ _LEFT = 1.5  # [s] for a start that is to stop; then it is cut
 
 
 class Stop:
-    """SIGINT and SIGTERM, and what each does until the node runs.
+    """SIGINT, SIGTERM and SIGHUP, and what each does until the node runs.
+
+    SIGHUP comes when the terminal is closed or the connection to the vehicle is lost; ``nohup`` has it ignored, and so
+    it stays then.
 
     While modules are loaded there is nothing to finish, and the signal ends the process at once, with status 0. While
     the node is made, the signal is noted, and the node leaves the graph when it is there; where that takes longer than
@@ -30,8 +33,9 @@ class Stop:
     def listen(self) -> None:
         """Take over the signals."""
         signal.signal(signal.SIGALRM, signal.SIG_DFL)
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, lambda number, frame: self._handle())
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, lambda number, frame: self._handle())
 
     def loaded(self) -> None:
         """From now on there is something to finish."""

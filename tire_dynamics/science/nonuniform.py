@@ -18,22 +18,36 @@ from .nonuniform_matrices import (
     state_matrix,
 )
 from .nonuniform_stability import stability
-from .tongues import CombinationResonance, TongueMap, combination_resonances, nearest_tongue, tongue_map
+from .tongues import (
+    CombinationResonance,
+    TongueMap,
+    TongueThreshold,
+    combination_resonances,
+    instability_scale,
+    nearest_resonance,
+    nearest_tongue,
+    tongue_map,
+    tongue_threshold,
+)
 
 __all__ = [
     "Nonuniformity",
     "PeriodicFrame",
     "CombinationResonance",
     "TongueMap",
+    "TongueThreshold",
     "coordinates",
     "coupling",
     "fixed_frame_matrix",
+    "instability_scale",
     "is_irreducibly_periodic",
+    "nearest_resonance",
     "nearest_tongue",
     "periodic_frame",
     "sidewall",
     "stability",
     "state_matrix",
     "tongue_map",
+    "tongue_threshold",
     "combination_resonances",
 ]

@@ -8,8 +8,8 @@ theory. docs/model.md derives the equations. Two forms of them are here:
   ``wheel.fixed_frame``. Of all harmonics only the second acts here, and half a turn is a period.
 - The modes n = 0 to N and the wheel in the ring's frame, where harmonic j couples n with n + j, n - j and j - n. There
   q = [alpha_0, xi_0, alpha_1, beta_1, xi_1, eta_1, alpha_2, ..., y, x] for the complete model, and for the
-  inextensional one [xi_0, alpha_1, beta_1, alpha_2, beta_2, ..., y, x]; z = [q', q]; x only where the wheel gives fore
-  and aft.
+  inextensional one [xi_0, alpha_1, beta_1, alpha_2, beta_2, ..., y, x]; z = [q', q]; x only with fore-aft
+  compliance.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ class PeriodicFrame(NamedTuple):
 
 
 def is_irreducibly_periodic(unit: TireWheelUnit, model: Model = "inextensional", n_max: int = 1) -> bool:
-    """Whether a unit's equations are periodic for good, and no change of frame makes them constant.
+    """Whether a unit's equations are irreducibly periodic: no change of frame makes them constant.
 
     Parameters
     ----------
@@ -370,7 +370,7 @@ def coupling(
     stiffness : ndarray, shape (L, L)
         Between the ring's L coordinates, in the order of :func:`coordinates`, net of the wheel.
     masses : ndarray, shape (L + 1,) or (L + 2,)
-        Of them, of y, and of x where the wheel gives fore and aft. Both are shared, and cannot be written to.
+        Of them, of y, and of x where the wheel is compliant fore and aft. Both are shared, and cannot be written to.
 
     Notes
     -----

@@ -44,7 +44,7 @@ def frequency_response(
         What drives the tire beside the traction: a load that is given, or the road's height
         (:func:`.contact.frequency_response`).
     n_max : int
-        Highest belt harmonic on the road; a given load reaches the axle through n = 1 alone.
+        Highest belt harmonic on the road; a given load reaches the axle of a uniform tire through n = 1 alone.
 
     Returns
     -------

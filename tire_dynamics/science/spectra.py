@@ -49,13 +49,13 @@ class Spectra:
         Of the samples [Hz].
     length : int
         Samples of a segment; Hann's window, half overlapping, each without its mean.
-    held : bool
+    zero_order_hold : bool
         Whether the input is held between the samples of the output, and given as its mean over that time; else its
         samples are those of a smooth curve.
     """
 
-    def __init__(self, rate: float, length: int, *, held: bool = True) -> None:
-        self.rate, self.length, self.held = rate, length, held
+    def __init__(self, rate: float, length: int, *, zero_order_hold: bool = True) -> None:
+        self.rate, self.length, self.zero_order_hold = rate, length, zero_order_hold
         self._u, self._y = np.empty(0), np.empty(0)
         self._time: float | None = None  # of the last sample
         self._sums = np.zeros((4, length // 2 + 1), np.complex128)
@@ -64,7 +64,7 @@ class Spectra:
     def add(self, time: FloatArray, u: FloatArray, y: FloatArray) -> None:
         """Take samples in order of time: y is the output at each, u the input (held: its mean until the next).
 
-        Where more than two samples are missing a new stretch begins; fewer are filled in by straight lines.
+        Where more than two samples are missing a new segment begins; fewer are filled in by straight lines.
         """
         if not time.size:
             return
@@ -124,7 +124,7 @@ class Spectra:
         frequency = np.arange(1, self.length // 2 + 1, dtype=np.float64) * (self.rate / self.length)
         uu, yy, uy = (row[1:] / self.segments for row in self._sums[:3])
         uu, yy = uu.real, yy.real
-        through = frequency / self.rate if self.held else np.zeros(1)
+        through = frequency / self.rate if self.zero_order_hold else np.zeros(1)
         hold = np.sinc(through) * np.exp(-1j * math.pi * through)
         with np.errstate(divide="ignore", invalid="ignore"):
             response = np.where(uu > 0.0, uy / uu, math.nan) / hold

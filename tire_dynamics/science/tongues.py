@@ -17,7 +17,17 @@ from .roots import root_between
 from .unit import TireWheelUnit
 from .wheel_matrices import Model, fixed_frame, fixed_frame_matrix
 
-__all__ = ["CombinationResonance", "TongueMap", "nearest_tongue", "tongue_map", "combination_resonances"]
+__all__ = [
+    "CombinationResonance",
+    "TongueMap",
+    "TongueThreshold",
+    "combination_resonances",
+    "instability_scale",
+    "nearest_resonance",
+    "nearest_tongue",
+    "tongue_map",
+    "tongue_threshold",
+]
 
 FloatArray = NDArray[np.float64]
 
@@ -112,7 +122,8 @@ class CombinationResonance(NamedTuple):
         the inextensional model then reaches from Omega - growth to Omega + growth.
     threshold : float
         What the amplitudes must be multiplied with for the tongue to overcome the damping, to first order; 0 without
-        damping, NaN where one of the two does not decay by itself.
+        damping, NaN where one of the two does not decay by itself. It is an estimate for light damping, and no bound:
+        :func:`tongue_threshold` has what the verdict says.
     """
 
     speed: float
@@ -233,9 +244,181 @@ def nearest_tongue(
     float or None
         That of one of the :func:`combination_resonances`, with the sign of ``speed`` [rad/s]; None if there is none.
     """
+    nearest = nearest_resonance(unit, nonuniformity, speed, model)
+    return None if nearest is None else math.copysign(nearest.speed, speed)
+
+
+def nearest_resonance(
+    unit: TireWheelUnit, nonuniformity: Nonuniformity, speed: float, model: Model = "inextensional"
+) -> CombinationResonance | None:
+    """The combination resonance whose speed is nearest to a given one.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    CombinationResonance or None
+        One of the :func:`combination_resonances`; None if there is none.
+    """
     if not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
     resonances = combination_resonances(unit, nonuniformity, model)
-    if not resonances:
+    return min(resonances, key=lambda resonance: abs(resonance.speed - abs(speed)), default=None)
+
+
+# -- how large the amplitudes must be -------------------------------------------------------------------------------
+
+_STEPS = 8  # among which the first unstable size is looked for before it is bisected
+
+
+def instability_scale(
+    unit: TireWheelUnit,
+    nonuniformity: Nonuniformity,
+    speed: float,
+    model: Model = "inextensional",
+    tolerance: float = 1e-6,
+) -> float | None:
+    """What the amplitudes must be multiplied with for n = 1 and the wheel to be unstable at a speed.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    speed : float
+        Spin Omega [rad/s], either sign, not zero.
+    model : {"inextensional", "complete"}
+    tolerance : float
+        Of the answer, relative to the largest size that is looked at, > 0.
+
+    Returns
+    -------
+    float or None
+        The lowest factor found, by bisection of the verdict of :func:`.nonuniform_stability.stability`; 0 where the
+        uniform unit is unstable too. None where no size is, up to amplitudes of one stiffness that add up to 1.
+
+    Raises
+    ------
+    ValueError
+        The speed is zero or not finite, the tolerance is not > 0, or every amplitude is zero.
+    ArithmeticError
+        The speed is so low that a turn is too long to be integrated.
+    """
+    if not (math.isfinite(speed) and speed != 0.0):
+        raise ValueError(f"speed is {speed!r}; it must be finite and not zero")
+    if not tolerance > 0.0:
+        raise ValueError(f"tolerance is {tolerance!r}; it must be > 0")
+    if nonuniformity.is_uniform:
+        raise ValueError("every amplitude of the nonuniformity is 0; no factor changes that")
+    largest = max(sum(e for _, e, _ in each) for each in (nonuniformity.radial, nonuniformity.tangential))
+    highest = (1.0 - 1e-9) / largest
+
+    def unstable(scales: list[float]) -> list[bool]:
+        half = half_turn(unit, [nonuniformity.scaled(scale) for scale in scales], speed, check_model(model), 1)
+        _, verdicts = floquet.monodromy_verdicts(half.matrix, half.log_norm, half.error)
+        return [floquet.VERDICTS[verdict] == "unstable" for verdict in verdicts]
+
+    scales = [highest * k / _STEPS for k in range(_STEPS + 1)]
+    found = unstable(scales)
+    if not any(found):
         return None
-    return math.copysign(min((resonance.speed for resonance in resonances), key=lambda at: abs(at - abs(speed))), speed)
+    first = found.index(True)
+    if first == 0:
+        return 0.0
+    low, high = scales[first - 1 : first + 1]
+    while high - low > tolerance * highest:
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if unstable([middle])[0] else (middle, high)
+    return high
+
+
+class TongueThreshold(NamedTuple):
+    """The lowest point of a tongue of instability over speed and the size of a non-uniformity.
+
+    Attributes
+    ----------
+    speed : float
+        Omega > 0 [rad/s] at which the least amplitudes are enough.
+    scale : float
+        What the amplitudes must be multiplied with there: the bisected :func:`instability_scale`.
+    """
+
+    speed: float
+    scale: float
+
+
+@lru_cache(maxsize=256)
+def tongue_threshold(
+    unit: TireWheelUnit,
+    nonuniformity: Nonuniformity,
+    resonance: CombinationResonance,
+    model: Model = "inextensional",
+) -> TongueThreshold | None:
+    """How large the amplitudes must be for a tongue to overcome the damping, by bisection of the verdict.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    nonuniformity : Nonuniformity
+    resonance : CombinationResonance
+        One of the :func:`combination_resonances` of these.
+    model : {"inextensional", "complete"}
+
+    Returns
+    -------
+    TongueThreshold or None
+        To 1e-6 of the largest amplitudes. None where no amplitudes are large enough, and where the tongue has no lowest
+        point of its own, as a wider one has swallowed it.
+
+    Raises
+    ------
+    ArithmeticError
+        The speed is so low that a turn is too long to be integrated.
+
+    Notes
+    -----
+    The speed is looked for within a tenth of the resonance's, and no farther than halfway to the next ones. Bisected
+    and first-order thresholds part as the damping grows: for Table 1 at zeta_1 = zeta_s = 0.05 the tongue at 6100 rpm
+    begins at 0.090 and not at 0.103, that at 4711 rpm at 0.167 and not at 0.200.
+    """
+    at = resonance.speed
+    if resonance.threshold == 0.0:
+        return TongueThreshold(at, 0.0)
+    others = [each.speed for each in combination_resonances(unit, nonuniformity, model)]
+    low = max([0.9 * at, *(0.5 * (at + other) for other in others if other < at * (1.0 - 1e-6))])
+    high = min([1.1 * at, *(0.5 * (at + other) for other in others if other > at * (1.0 + 1e-6))])
+
+    def scale(speed: float, tolerance: float = 1e-6) -> float:
+        found = instability_scale(unit, nonuniformity, speed, model, tolerance)
+        return math.inf if found is None else found
+
+    # the tongue's own lowest point is the local one that is nearest to the resonance
+    speeds = [*np.linspace(low, at, 7).tolist(), *np.linspace(at, high, 7)[1:].tolist()]
+    sizes = [scale(speed, 1e-3) for speed in speeds]
+    lowest = [
+        k for k in range(1, len(speeds) - 1)
+        if math.isfinite(sizes[k]) and sizes[k] <= min(sizes[k - 1], sizes[k + 1])
+    ]  # fmt: skip
+    if not lowest:
+        return None
+    k = min(lowest, key=lambda k: abs(speeds[k] - at))
+    low, high = speeds[k - 1], speeds[k + 1]
+    # golden sections, as SciPy, which has better ones, is not loaded beside a running node
+    section = 0.5 * (3.0 - math.sqrt(5.0))
+    left, right = low + section * (high - low), high - section * (high - low)
+    at_left, at_right = scale(left), scale(right)
+    while high - low > 1e-4 * at:
+        if at_left < at_right:
+            high, right, at_right = right, left, at_left
+            left = low + section * (high - low)
+            at_left = scale(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = high - section * (high - low)
+            at_right = scale(right)
+    return TongueThreshold(left, at_left) if at_left < at_right else TongueThreshold(right, at_right)

@@ -30,11 +30,11 @@ class Variation(NamedTuple):
     mean : float
         Over the angle [N].
     peak_to_peak : ndarray, shape (H,)
-        Of harmonics 1 to H [N]; NaN where the samples cannot tell it, and from there on.
+        Of harmonics 1 to H [N]; NaN from the first that the samples do not determine on.
     phase : ndarray, shape (H,)
         The least wheel angle at which the harmonic is highest, in [0, 2 pi/j) [rad]; NaN likewise.
     whole : float
-        Peak to peak of the sum of all harmonics that can be told [N], to 2e-5 of their own.
+        Peak to peak of the sum of all known harmonics [N], to 2e-5 of their own.
     """
 
     turns: float
@@ -66,7 +66,7 @@ class OrderSums:
     slowly there are more of them. What does not repeat with the turn (the road, a load that changes) averages out with
     the root of the turns.
 
-    A harmonic j is told apart if the mean step of the angle times j is at most pi, and if the normal equations up to j
+    A harmonic j is known if the mean step of the angle times j is at most pi, and if the normal equations up to j
     have a condition of at most 100: their angles then leave no large part of the turn out. Names as in M. G. Pottinger,
     Uniformity: A crucial attribute of tire/wheel assemblies, Tire Science and Technology 38 (2010), 24-46; this is the
     force on the axle of a wheel that moves, not that of a test machine, which holds it.
@@ -141,7 +141,7 @@ class OrderSums:
         self._last = float(angles[-1])
 
     def merge(self, other: OrderSums) -> None:
-        """Take the samples of another, of as many harmonics; the way from one to the other is no turning."""
+        """Take the samples of another, of as many harmonics; the angle between the two is not counted."""
         if other.harmonics != self.harmonics:
             raise ValueError(f"other has {other.harmonics} harmonics; it must have {self.harmonics}")
         self._count += other._count
@@ -157,7 +157,7 @@ class OrderSums:
         return self._swept / (2.0 * math.pi)
 
     def variation(self) -> Variation | None:
-        """The harmonics; None of less than a whole turn, or if not even the first can be told."""
+        """The harmonics; None of less than a whole turn, or if not even the first is known."""
         fit = self._fit()
         if fit is None:
             return None
@@ -165,9 +165,9 @@ class OrderSums:
         j = np.arange(1, self.harmonics + 1)
         phase = np.mod(-np.angle(phasors) / j, 2.0 * math.pi / j)
         phase[phase >= 2.0 * math.pi / j] = 0.0  # of the least below 0, rounding makes a whole one
-        told = phasors[np.isfinite(phasors)]
-        points = _FINE * told.size
-        wave = np.fft.irfft(np.concatenate([[0.0], told]), points) * (0.5 * points)
+        known = phasors[np.isfinite(phasors)]
+        points = _FINE * known.size
+        wave = np.fft.irfft(np.concatenate([[0.0], known]), points) * (0.5 * points)
         return Variation(self.turns, mean, 2.0 * np.abs(phasors), phase, float(np.ptp(wave)))
 
     def phasors(self) -> ComplexArray | None:

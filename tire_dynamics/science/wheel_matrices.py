@@ -70,9 +70,10 @@ def fixed_frame(unit: TireWheelUnit, model: Model = "inextensional") -> FixedFra
     Notes
     -----
     Complex amplitudes Z = X + i Y turn the rotation into z = Z exp(-i phi), hence z' -> Z' - i Omega Z. In
-    that frame the centrifugal, hoop-tension and Coriolis parts of A_1, B_1, C_1 cancel, so the stiffness does
-    not depend on Omega; what is left of rotation is the gyroscopic coupling of the complete model and the
-    circulatory term -i d Omega Z of a damper that turns with the ring. docs/model.md has each step.
+    that frame the centrifugal parts of A_1, B_1, C_1, those of the hoop tension among them, and the Coriolis terms
+    cancel, so the stiffness does not depend on Omega; what the pressure puts into the hoop tension stays. What is left
+    of rotation is the gyroscopic coupling of the complete model and the circulatory term -i d Omega Z of a damper that
+    turns with the ring. docs/model.md has each step.
     """
     system = _builder(model)(unit)
     for matrix in system:
@@ -86,7 +87,7 @@ def stacked_frames(units: TireWheelUnit, shape: tuple[int, ...], model: Model = 
 
 
 def states(unit: TireWheelUnit, model: Model = "inextensional") -> int:
-    """The number of states: 6 or 10, and two more for a wheel that gives fore and aft."""
+    """The number of states: 6 or 10, and two more for a wheel that is compliant fore and aft."""
     return (6 if model == "inextensional" else 10) + 2 * (not unit.is_longitudinally_rigid)
 
 
@@ -127,11 +128,11 @@ def _inextensional(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFra
     return system if unit.is_longitudinally_rigid else _inextensional_fore_and_aft(unit, system, kappa, d)
 
 
-def _inextensional_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, kappa: float, d: float) -> FixedFrame:
+def _inextensional_fore_and_aft(unit: TireWheelUnit, rigid: FixedFrame, kappa: float, d: float) -> FixedFrame:
     """With x, which the sidewall's forces act on as they do on y; docs/model.md, section 5."""
     m, M, m_x, k_1 = unit.ring_mass, unit.wheel_mass, unit.fore_aft_mass, unit.sidewall_stiffness
     k_x, c_x = unit.longitudinal_stiffness, unit.longitudinal_damping
-    system = _with_place_for_x(held)
+    system = _with_place_for_x(rigid)
     X, Y, x = 4, 5, 7  # columns; those of their velocities lie 4 before
     _set(system.constant, 0, {x: kappa})
     _set(system.constant, 3, {X: k_1 / m_x, x: -(k_1 + k_x) / m_x, x - 4: -c_x / m_x})
@@ -147,16 +148,16 @@ def _inextensional_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, kappa: fl
     return system
 
 
-def _with_place_for_x(held: FixedFrame) -> FixedFrame:
+def _with_place_for_x(rigid: FixedFrame) -> FixedFrame:
     """The same system with a row and a column of zeros for x' behind y' and for x behind y."""
-    *shape, n, _ = held.constant.shape
+    *shape, n, _ = rigid.constant.shape
     old = np.array([k for k in range(n + 2) if k not in (n // 2, n + 1)])
     system = _zeros(tuple(shape), n + 2)
-    for large, small in zip(system[:2], held[:2], strict=True):
+    for large, small in zip(system[:2], rigid[:2], strict=True):
         large[..., old[:, None], old] = small
-    system.input[..., old, :] = held.input
-    system.output[..., old] = held.output
-    system.output_spin[..., old] = held.output_spin
+    system.input[..., old, :] = rigid.input
+    system.output[..., old] = rigid.output
+    system.output_spin[..., old] = rigid.output_spin
     _set(system.constant, n + 1, {n // 2: 1.0})
     return system
 
@@ -200,12 +201,12 @@ def _complete(unit: TireWheelUnit, shape: tuple[int, ...] = ()) -> FixedFrame:
     return system if unit.is_longitudinally_rigid else _complete_fore_and_aft(unit, system, d)
 
 
-def _complete_fore_and_aft(unit: TireWheelUnit, held: FixedFrame, d: Any) -> FixedFrame:
+def _complete_fore_and_aft(unit: TireWheelUnit, rigid: FixedFrame, d: Any) -> FixedFrame:
     """With x, on which the belt's X pulls and its V pushes; docs/model.md, section 5."""
     M, m_x, k_x, c_x = unit.wheel_mass, unit.fore_aft_mass, unit.longitudinal_stiffness, unit.longitudinal_damping
     area = math.pi * unit.radius * unit.width
     radial, tangential = unit.radial_stiffness, unit.tangential_stiffness
-    system = _with_place_for_x(held)
+    system = _with_place_for_x(rigid)
     X, Y, U, V, y, x = range(6, 12)  # columns; those of their velocities lie 6 before
     _set(system.constant, 0, {x: radial / unit.surface_density})
     _set(system.constant, 3, {x: -tangential / unit.surface_density})
@@ -251,7 +252,7 @@ def fixed_frame_matrix(unit: TireWheelUnit, speed: float, model: Model = "inexte
     -------
     ndarray, shape (n, n)
         F of z' = F z with z = [X', Y', y', X, Y, y], or [X', Y', U', V', y', X, Y, U, V, y]; with x' and x behind
-        y' and y where the wheel gives fore and aft.
+        y' and y where the wheel is compliant fore and aft.
     """
     check_speed(speed)
     system = fixed_frame(unit, model)
@@ -358,7 +359,9 @@ def _periodic_complete(unit: TireWheelUnit, W: float, s: float, c: float) -> Flo
     return A
 
 
-def rotation(phase: float, speed: float, model: Model = "inextensional", held: bool = True) -> FloatArray:
+def rotation(
+    phase: float, speed: float, model: Model = "inextensional", longitudinally_rigid: bool = True
+) -> FloatArray:
     """The matrix that takes a fixed-frame state to the ring-frame state at phi = phase, spin Omega = speed.
 
     Parameters
@@ -366,8 +369,8 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
     phase, speed : float
         phi [rad] and Omega [rad/s].
     model : {"inextensional", "complete"}
-    held : bool
-        Whether the wheel is held fore and aft.
+    longitudinally_rigid : bool
+        Whether the wheel cannot move fore and aft.
 
     Returns
     -------
@@ -380,7 +383,7 @@ def rotation(phase: float, speed: float, model: Model = "inextensional", held: b
     s, c = math.sin(phase), math.cos(phase)
     turn = np.array([[c, s], [-s, c]])
     pairs = 1 if model == "inextensional" else 2
-    half = 2 * pairs + (1 if held else 2)
+    half = 2 * pairs + (1 if longitudinally_rigid else 2)
     T = np.zeros((2 * half, 2 * half))
     for first in range(0, 2 * pairs, 2):
         pair = slice(first, first + 2)
