@@ -58,12 +58,12 @@ class BuildCore(build_ext):
                 extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
                 # The C code goes to build/, not beside its source.
                 [made] = cythonize(
-            [extension],
-            build_dir=os.path.join("build", "cython"),
-            force=self.force,
-            quiet=True,
-            compiler_directives={"show_performance_hints": False},  # whoever installs this reads what is printed
-        )
+                    [extension],
+                    build_dir=os.path.join("build", "cython"),
+                    force=self.force,
+                    quiet=True,
+                    compiler_directives={"show_performance_hints": False},  # whoever installs this reads what is said
+                )
                 extension.sources = made.sources
                 jobs.append(pool.submit(build, extension))
             for job in jobs:
