@@ -44,7 +44,8 @@ for extra in ({}, {"tire.radial_runout": [1.0, 5e-4, 0.3], **varying}, {"tire.lo
         for topic, data in pipeline.tick(now) + pipeline.belts():
             bits.update(topic.encode() + data)
 damped = {"tire.residual_damping": 60.0, "tire.longitudinal_stiffness": 2e5}
-for extra in ({"tire.radial_runout": [1.0, 5e-4, 0.3]}, damped):
+uneven = {"tire.radial_nonuniformity": [1.0, 0.1, 0.4], "tire.tangential_nonuniformity": [2.0, 0.1, 0.0]}
+for extra in ({"tire.radial_runout": [1.0, 5e-4, 0.3]}, damped, {"contact_points": 4, **uneven}):
     pipeline = Pipeline({
         "wheels": ["left", "right"], "ring_samples": 5, "n_max": 4, "load_source": "road", "static_loads": [4e3, 3e3],
         "tire.vertical_stiffness": 2e5, "tire.contact_half_angle": 0.15, "tire.sprung_mass": 350.0, **extra,

@@ -17,6 +17,7 @@ from tire_dynamics.estimator.motion import Motion
 from tire_dynamics.estimator.road_constants import on_the_road, under_the_belt
 from tire_dynamics.estimator.road_motion import RoadMotion
 from tire_dynamics.science import contact
+from tire_dynamics.science.contact_points import ContactPoints
 
 HELD = CAR.replace(sprung_mass=0.0)
 
@@ -421,3 +422,42 @@ def test_simulate_refuses(changes, word):
 def test_a_unit_stiffer_than_its_belt_is_refused():
     with pytest.raises(ValueError, match="vertical_stiffness is 300000.0; it must be <"):
         simulate(TireWheelUnit.table_1(vertical_stiffness=300000.0), [0.0], 1.0, road=0.0, static_load=LOAD)
+
+
+@pytest.mark.parametrize("step", [5e-4, 2e-3])
+def test_energy_of_several_points_never_grows(step):
+    """As of one: each point's spring is its own, k_j delta_j^2/2 while it presses."""
+    unit = HELD.replace(zeta_1=0.0, zeta_n=0.0, zeta_s=0.0)
+    road = wheels_on_the_road(unit, n_max=20, points=5)
+    springs = ContactPoints(unit, 5, "inextensional", 20)
+    n = springs.numbers
+    A, _, C, determinant = ring.coefficients(unit, n)
+    mass = math.pi * unit.radius * unit.width * unit.surface_density * (A + n * C) / (n * C)
+    square = n * determinant / (A + n * C)
+    waves = springs.spread * np.exp(1j * np.outer(springs.angles, n)) / springs.cosines[:, None]
+    turned = np.array([1.0, -1.0j, -1.0, 1.0j])[n.astype(int) % 4]
+
+    def delta(heights):
+        state, belt = np.array(road.motion.state_of(0)), road.deflection(0)  # which gives the belt its state
+        assert np.isfinite(belt).all()
+        V, Z = np.moveaxis(road.belt.state_of(0), -1, 0)
+        moved = (np.conj(turned * waves) @ Z).real + state[3] * springs.tangents - state[4]
+        return moved + heights, state, V, Z
+
+    rest = delta(np.zeros(5))[0]  # of the static load, with load times share on each
+    pressed = LOAD * springs.share / springs.stiffness
+    heights = np.zeros(5)
+    random, energies, lost = np.random.default_rng(0), [], 0
+    for k in range(160):
+        before, heights = heights, random.normal(0.0, 0.02, 5) if k < 10 else heights
+        road.follow_lines(np.array([0.0, step]), np.zeros(2), np.stack([before, heights]), np.zeros(2))
+        now, (X_, Y_, y_, X, Y, y), V, Z = delta(heights)
+        kinetic = unit.ring_mass * (X_**2 + Y_**2) + unit.wheel_mass * y_**2
+        elastic = unit.sidewall_stiffness * (X**2 + (Y - y) ** 2) + unit.suspension_stiffness * y**2
+        belt = (mass * (np.abs(V) ** 2 + square * np.abs(Z) ** 2)).sum()
+        tread = (springs.stiffness * np.maximum(0.0, pressed + now - rest) ** 2).sum()
+        if k >= 10:
+            energies.append(0.5 * (kinetic + elastic + belt + tread))
+            lost += 0.0 in road.snapshot(0)["forces"]
+    assert lost > 5
+    assert np.diff(energies).max() <= 1e-9 * energies[0]

@@ -1,8 +1,7 @@
 """Random tires on random roads, speeds of either sign, lift-off: steps against DOP853 with events.
 
 At speeds that vary in ring axes (``test_contact_step.OnTheRoad``), where the contact runs around; with a wheel that
-gives fore and aft in the fixed frame, at a constant speed. What is asserted is that the error falls with the square of
-the step.
+gives fore and aft in the fixed frame, at a constant speed. The error falls with the square of the step.
 """
 
 from __future__ import annotations

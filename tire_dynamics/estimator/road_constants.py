@@ -58,8 +58,10 @@ class RoadConstants:
         By cos and sin of the wheel's angle, over Omega^2.
     size, size_spin : float
         Norm of the motion's matrix, and of what the spin multiplies, with displacements in units of the stiffest [1/s].
-    push, seen : buffer, shape (2, P, N)
-        What each harmonic feels of a force on a point, and a point sees of a harmonic, real and imaginary part.
+    push : buffer, shape (2, P, N)
+        What each harmonic feels of a force on a point, real and imaginary part.
+    seen : buffer, shape (2, N, P)
+        What a point sees of a harmonic.
     lag : buffer, shape (2, 2 P - 1, N)
         The same of two points, by how far they are apart.
     runout : buffer, shape (J, 2, P)
@@ -126,7 +128,7 @@ class RoadConstants:
         self.turned = flat(turned)
         self.push = flat(factor)
         seen = np.stack([factor[0] * turned[0] - factor[1] * turned[1], factor[0] * turned[1] + factor[1] * turned[0]])
-        self.seen = flat(seen)
+        self.seen = flat(seen.transpose(0, 2, 1))  # (2, N, P)
         step = 2.0 * unit.contact_half_angle / points
         apart = np.multiply.outer(step * (np.arange(2 * points - 1) - (points - 1)), self.contact.numbers)
         c, s = cos_sin(apart)

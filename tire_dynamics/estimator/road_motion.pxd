@@ -93,6 +93,8 @@ cdef class RoadMotion:
     cdef double[::1] mean_a
     cdef double[::1] mean_b
     cdef double[::1] felt
+    cdef double[::1] moved_end
+    cdef double[::1] moved_mean
     cdef double[::1] inverse
     cdef double[::1] static
     cdef double[::1] factorial
@@ -123,7 +125,6 @@ cdef class RoadMotion:
     cdef double[::1] output
     cdef double[::1] matrix
     cdef double[::1] chain
-    cdef double[::1] chain_v
     cdef double[::1] moved
     cdef double[::1] after
     cdef double[::1] forced
@@ -153,7 +154,7 @@ cdef class RoadMotion:
 
     cdef void rest_at(self, Py_ssize_t wheel) noexcept nogil
     cdef void amplitudes(self, Py_ssize_t wheel, double[::1] own) noexcept nogil
-    cdef double looked(self, Py_ssize_t point, double[::1] Z) noexcept nogil
+    cdef void look_at(self, bint mean) noexcept nogil
     cdef void look(self, Py_ssize_t wheel) noexcept nogil
     cdef void turn(self, Py_ssize_t wheel, double speed) noexcept nogil
     cdef void tabulate(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
@@ -161,7 +162,7 @@ cdef class RoadMotion:
     cdef double mean_one(self, Py_ssize_t slot, Py_ssize_t which, Py_ssize_t i, Py_ssize_t j) noexcept nogil
     cdef void set_matrix(self, Py_ssize_t wheel) noexcept nogil
     cdef Py_ssize_t order_of(self, Py_ssize_t wheel, double length) noexcept nogil
-    cdef void next_row(self, double[::1] rows, Py_ssize_t row, double part, bint force) noexcept nogil
+    cdef void next_row(self, Py_ssize_t row, double part, bint force) noexcept nogil
     cdef void unit_responses(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
     cdef void set_law(self, Py_ssize_t slot, double length) noexcept nogil
     cdef void free(

@@ -142,6 +142,7 @@ class RoadMotion:
         self.push_of = zeros(8)
         self.answer = zeros(8 * N)
         self.lags = zeros(4 * (2 * P - 1))
+        self.moved_end, self.moved_mean = zeros(P), zeros(P)
         self.Z_end, self.Z_mean, self.felt = zeros(2 * N), zeros(2 * N), zeros(4 * N)
         self.reach = np.array(reaches()).data
         self.inverse = np.array([0.0, *(1.0 / k for k in range(1, _TERMS + 5))]).data
@@ -182,7 +183,7 @@ class RoadMotion:
         self.on_wheel, self.on_fore, self.held_mass = made.on_wheel, made.on_fore, made.held_mass
         H, slots, width = self.H, self.wheels + 1, 2 * self.coupled + 2
         self.matrix = zeros(2 * H * H)
-        self.chain, self.chain_v = zeros((_TERMS + 2) * 2 * H), zeros((_TERMS + 2) * 2 * H)
+        self.chain = zeros((_TERMS + 2) * 2 * H)
         self.moved, self.after, self.pushed = zeros(2 * H), zeros(2 * H), zeros(2 * H)
         self.forced, self.forced_mean = zeros(slots * 8 * H), zeros(slots * 8)
         self.small, self.gap = zeros(self.half * (self.half + 1)), zeros(2)
@@ -215,7 +216,7 @@ class RoadMotion:
         after = np.zeros((W, 2, self.H))
         after[..., :kept] = states[..., :kept]
         if self.sprung and was_sprung:
-            after[..., -1] = states[..., -1]
+            after[..., self.H - 1] = states[..., H - 1]
         self.z, self.rest = zeros(W * 2 * self.H), zeros(W * 2 * self.H)
         for w in range(W):
             self.rest_at(w)
@@ -325,9 +326,10 @@ class RoadMotion:
                 self.rest_own[2 * wheel * M + e] = total * self.belt.steady[at + e]
                 self.rest_own[2 * wheel * M + M + e] = total * self.belt.steady[at + M + e]
         self.amplitudes(wheel, self.rest_own)
+        self.look_at(False)
         for j in range(P):
             total = self.tangents[j] * self.rest[first + H] - self.rest[first + H + 1]
-            total += self.looked(j, self.Z_end)
+            total += self.moved_end[j]
             self.lift[wheel * P + j] = total - self.first[wheel * P + j]
         self.table_length[wheel] = _NAN
 
@@ -359,16 +361,35 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def looked(self, point: cython.Py_ssize_t, Z: cython.double[::1]) -> cython.double:
-        """The harmonics' displacement at a point, of their amplitudes."""
+    def look_at(self, mean: cython.bint) -> cython.void:
+        """The harmonics' displacement at each point into ``moved_end``, of ``Z_end``; and of ``Z_mean``, if asked."""
         N: cython.Py_ssize_t = self.N
-        at: cython.Py_ssize_t = point * N
-        im: cython.Py_ssize_t = self.points * N + point * N
+        P: cython.Py_ssize_t = self.points
         i: cython.Py_ssize_t
-        total: cython.double = 0.0
+        j: cython.Py_ssize_t
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        if P == 1:
+            x = y = u = v = 0.0
+            for i in range(N):
+                x += self.seen[i] * self.Z_end[i]
+                y += self.seen[N + i] * self.Z_end[N + i]
+                u += self.seen[i] * self.Z_mean[i]
+                v += self.seen[N + i] * self.Z_mean[N + i]
+            self.moved_end[0], self.moved_mean[0] = x + y, u + v
+            return
+        for j in range(P):
+            self.moved_end[j] = self.moved_mean[j] = 0.0
         for i in range(N):
-            total += self.seen[at + i] * Z[i] + self.seen[im + i] * Z[N + i]
-        return total
+            x, y = self.Z_end[i], self.Z_end[N + i]
+            u, v = self.Z_mean[i], self.Z_mean[N + i]
+            for j in range(P):
+                self.moved_end[j] += self.seen[i * P + j] * x + self.seen[(N + i) * P + j] * y
+            if mean:
+                for j in range(P):
+                    self.moved_mean[j] += self.seen[i * P + j] * u + self.seen[(N + i) * P + j] * v
 
     @cython.cfunc
     @cython.nogil
@@ -379,10 +400,11 @@ class RoadMotion:
         q: cython.Py_ssize_t = wheel * 2 * self.H + self.H
         j: cython.Py_ssize_t
         self.amplitudes(wheel, self.own)
+        self.look_at(False)
         for j in range(P):
             self.before[wheel * P + j] = (
                 (self.tangents[j] * self.z[q] - self.z[q + 1])
-                + self.looked(j, self.Z_end)
+                + self.moved_end[j]
                 + self.lift[wheel * P + j]
                 + self.road[wheel * P + j]
             )
@@ -421,7 +443,7 @@ class RoadMotion:
             self.z[first + k] -= self.rest[first + k]
         for k in range(2 * M):
             self.own[at + k] = self.belt.own[at + k] - self.rest_own[at + k]
-        self.look(wheel)
+        # no place has moved, and so how far each point is pressed stays as it is
 
     # -- tables of a step ----------------------------------------------------------------------------------------
 
@@ -442,7 +464,11 @@ class RoadMotion:
         d: cython.Py_ssize_t
         k: cython.Py_ssize_t
         x: cython.double
+        y: cython.double
         u: cython.double
+        v: cython.double
+        p: cython.double
+        q: cython.double
         if slot < self.wheels and self.table_length[slot] == length:
             return
         self.table_length[slot] = length
@@ -466,14 +492,14 @@ class RoadMotion:
             self.turned, self.answer,
         )  # fmt: skip
         for d in range(2 * P - 1):
-            for k in range(4):
-                x = 0.0
-                for i in range(N):
-                    x += (
-                        self.lag[d * N + i] * self.answer[2 * k * N + i]
-                        - self.lag[(2 * P - 1 + d) * N + i] * self.answer[(2 * k + 1) * N + i]
-                    )
-                self.lags[4 * d + k] = x
+            x = y = u = v = 0.0  # side by side: a sum waits for itself
+            for i in range(N):
+                p, q = self.lag[d * N + i], self.lag[(2 * P - 1 + d) * N + i]
+                x += p * self.answer[i] - q * self.answer[N + i]
+                y += p * self.answer[2 * N + i] - q * self.answer[3 * N + i]
+                u += p * self.answer[4 * N + i] - q * self.answer[5 * N + i]
+                v += p * self.answer[6 * N + i] - q * self.answer[7 * N + i]
+            self.lags[4 * d], self.lags[4 * d + 1], self.lags[4 * d + 2], self.lags[4 * d + 3] = x, y, u, v
         self.unit_responses(wheel, slot, length)
         for i in range(P):
             for j in range(P):
@@ -538,15 +564,15 @@ class RoadMotion:
     @cython.nogil
     @cython.exceptval(check=False)
     def next_row(
-        self, rows: cython.double[::1], row: cython.Py_ssize_t, part: cython.double, force: cython.bint
+        self, row: cython.Py_ssize_t, part: cython.double, force: cython.bint
     ) -> cython.void:
-        """The next term of a series: part [A x + moved], and part v."""
+        """The next term of a series in ``chain``: part [A x + moved], and part v."""
         if self.H == 3:  # the usual ones: with a number, the compiler unrolls its loops
-            _next_row(3, self.matrix, rows, row, part, self.moved, force)
+            _next_row(3, self.matrix, self.chain, row, part, self.moved, force)
         elif self.H == 4:
-            _next_row(4, self.matrix, rows, row, part, self.moved, force)
+            _next_row(4, self.matrix, self.chain, row, part, self.moved, force)
         else:
-            _next_row(self.H, self.matrix, rows, row, part, self.moved, force)
+            _next_row(self.H, self.matrix, self.chain, row, part, self.moved, force)
 
     @cython.cfunc
     @cython.nogil
@@ -571,24 +597,25 @@ class RoadMotion:
         self.set_matrix(wheel)
         for i in range(2 if self.points > 1 else 1):
             for r in range(H):
-                self.chain_v[r] = length * self.input[i * H + r]
-                self.chain_v[H + r] = 0.0
+                self.chain[r] = length * self.input[i * H + r]
+                self.chain[H + r] = 0.0
             for k in range(order):
-                self.next_row(self.chain_v, k * 2 * H, length * self.inverse[k + 2], False)
+                self.next_row(k * 2 * H, length * self.inverse[k + 2], False)
             at = slot * 8 * H + i * 4 * H
             for r in range(2 * H):
                 a = b = 0.0
                 for k in range(order, -1, -1):
-                    c = self.chain_v[k * 2 * H + r] * self.inverse[k + 2]
-                    a += c * (k + 1)
-                    b += c
+                    c = self.chain[k * 2 * H + r]
+                    a += c
+                    b += c * self.inverse[k + 2]
+                a = a - b  # sum U_k (k + 1)/(k + 2)
                 self.forced[at + r] = a
                 self.forced[at + 2 * H + r] = b
             at = slot * 8 + 4 * i
             for r in range(2):
                 a = b = 0.0
                 for k in range(order, -1, -1):
-                    c = self.chain_v[k * 2 * H + H + r] * self.inverse[k + 3]
+                    c = self.chain[k * 2 * H + H + r] * self.inverse[k + 3]
                     a += c
                     b += c * self.inverse[k + 2]
                 self.forced_mean[at + r] = a
@@ -660,23 +687,24 @@ class RoadMotion:
         if self.varying:
             self.push_one()
         for k in range(order):
-            for r in range(H):
-                x = 0.0
-                if k == 0:
-                    x = traction * self.input[2 * H + r]
-                elif k == 1:
-                    x = traction_change * self.input[2 * H + r]
-                if self.varying:
+            if k < 2 or self.heavy:
+                for r in range(H):
+                    x = 0.0
                     if k == 0:
-                        x += self.pushed[r]
+                        x = traction * self.input[2 * H + r]
                     elif k == 1:
-                        x += self.pushed[H + r]
-                if self.heavy:
-                    x += square * (c * self.imbalance[2 * r] + s * self.imbalance[2 * r + 1])
-                self.moved[r] = x
+                        x = traction_change * self.input[2 * H + r]
+                    if self.varying:
+                        if k == 0:
+                            x += self.pushed[r]
+                        elif k == 1:
+                            x += self.pushed[H + r]
+                    if self.heavy:
+                        x += square * (c * self.imbalance[2 * r] + s * self.imbalance[2 * r + 1])
+                    self.moved[r] = x
             if k == 0 and self.sprung:
                 self.moved[H - 1] += self.weight[wheel] * self.heft
-            self.next_row(self.chain, k * 2 * H, length * self.inverse[k + 1], k < 2 or self.heavy)
+            self.next_row(k * 2 * H, length * self.inverse[k + 1], k < 2 or self.heavy)
             if self.heavy:
                 turned = self.speed[wheel] * length / (k + 1)
                 x = -turned * s
@@ -702,15 +730,16 @@ class RoadMotion:
             self.pulled(wheel, slot, length, traction, traction_change)
         if self.varying:
             self.push_belt(wheel, slot, length)
+        self.look_at(True)
         for j in range(P):
             k = wheel * P + j
             self.D_end[j] = (
                 (self.tangents[j] * self.after[H] - self.after[H + 1])
-                + self.looked(j, self.Z_end) + self.lift[k] + self.end[j]
+                + self.moved_end[j] + self.lift[k] + self.end[j]
             )
             self.D_mean[j] = (
                 (self.tangents[j] * self.gap[0] - self.gap[1])
-                + self.looked(j, self.Z_mean) + self.lift[k] + self.mid[j]
+                + self.moved_mean[j] + self.lift[k] + self.mid[j]
             )
 
     @cython.cfunc
@@ -886,8 +915,6 @@ class RoadMotion:
         across_b: cython.double = 0.0
         x: cython.double
         y: cython.double
-        u: cython.double
-        v: cython.double
         for j in range(P):
             a += self.alpha[j]
             b += self.beta[j]
@@ -898,14 +925,15 @@ class RoadMotion:
             if P > 1:
                 x += self.forced[f + 4 * H + r] * across_a + self.forced[f + 6 * H + r] * across_b
             self.z[wheel * 2 * H + r] = x + 0.0
-        for i in range(N):
-            x = y = u = v = 0.0
-            for j in range(P):
-                x += self.push[j * N + i] * self.alpha[j]
-                y += self.push[push + j * N + i] * self.alpha[j]
-                u += self.push[j * N + i] * self.beta[j]
-                v += self.push[push + j * N + i] * self.beta[j]
-            self.felt[4 * i], self.felt[4 * i + 1], self.felt[4 * i + 2], self.felt[4 * i + 3] = x, y, u, v
+        for i in range(4 * N):
+            self.felt[i] = 0.0
+        for j in range(P):
+            x, y = self.alpha[j], self.beta[j]
+            for i in range(N):
+                self.felt[i] += self.push[j * N + i] * x
+                self.felt[N + i] += self.push[push + j * N + i] * x
+                self.felt[2 * N + i] += self.push[j * N + i] * y
+                self.felt[3 * N + i] += self.push[push + j * N + i] * y
         _go_on(
             N, self.K, M, at, own, self.growth, self.from_a, self.from_b, self.felt, self.real, self.imaginary, self.own
         )
@@ -1859,10 +1887,13 @@ def _next_row(
     r: cython.Py_ssize_t
     c: cython.Py_ssize_t
     total: cython.double
+    other: cython.double
     for r in range(H):
-        total = 0.0
-        for c in range(2 * H):
+        total = other = 0.0  # two sums side by side, as each waits for itself
+        for c in range(H):
             total += matrix[r * 2 * H + c] * rows[row + c]
+            other += matrix[r * 2 * H + H + c] * rows[row + H + c]
+        total += other
         if force:
             total += moved[r]
         rows[row + 2 * H + r] = total * part
@@ -2116,7 +2147,7 @@ def _go_on(
     p: cython.double
     q: cython.double
     for i in range(N):
-        x, y, u, v = felt[4 * i], felt[4 * i + 1], felt[4 * i + 2], felt[4 * i + 3]
+        x, y, u, v = felt[i], felt[N + i], felt[2 * N + i], felt[3 * N + i]
         for e in range(K * i, K * (i + 1)):
             p = growth[at + e] * own[first + e] - growth[at + M + e] * own[first + M + e]
             q = growth[at + e] * own[first + M + e] + growth[at + M + e] * own[first + e]
