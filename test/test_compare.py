@@ -132,7 +132,7 @@ def test_gaps(drive):
     there = ~((t > 9.0) & (t < 9.4)) & ~((t > 15.0002) & (t < 15.0012))
     other = ~((t > 4.0) & (t < 5.0))
     found = compare(wrench(t[there], felt(t, force, t)[there]), wrench(t[other], force[other], speed[other]))
-    assert found.stretches == 3  # where two samples lack there is no gap
+    assert found.sections == 3  # where two samples lack there is no gap
     for axis in found.axes:
         assert_planted(axis)
 

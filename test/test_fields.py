@@ -33,18 +33,19 @@ def test_a_definition_of_another_type_has_other_fields():
             assert has_other_fields(kind, definition(other)) == (kind != other)
 
 
-TWIST = """\
+RULE = 80 * "="
+TWIST = f"""\
 std_msgs/Header header
 geometry_msgs/Twist twist
-===
+{RULE}
 MSG: std_msgs/Header
 builtin_interfaces/Time stamp
 string frame_id
-===
+{RULE}
 MSG: geometry_msgs/Twist
 Vector3 linear
 Vector3 angular
-===
+{RULE}
 MSG: geometry_msgs/Vector3
 float64 x
 float64 y
@@ -69,7 +70,10 @@ OWN = definition(WRENCH_STAMPED)
         ("# nothing\n", False),
         ("struct WrenchStamped { double x; };", False),
         ("std_msgs/Header header\na_msgs/B wrench\n", False),
-        ("geometry_msgs/WrenchStamped wrench\n===\nMSG: geometry_msgs/WrenchStamped\nWrenchStamped again\n", False),
+        (
+            f"geometry_msgs/WrenchStamped a\n{RULE}\nMSG: geometry_msgs/WrenchStamped\nWrenchStamped a\n",
+            False,
+        ),
         ("float64 x\n" * 100_000, False),
     ],
 )

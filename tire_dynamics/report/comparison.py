@@ -32,7 +32,7 @@ __all__ = ["Axis", "Comparison", "OrderLine", "compare", "content", "statements"
 FloatArray = NDArray[np.float64]
 Pairs = list[tuple[FloatArray, FloatArray]]
 
-GAP = 3.5  # sampling intervals without a sample end a stretch
+GAP = 3.5  # sampling intervals without a sample end a section
 REGULAR = 0.02  # of an interval: how far stamps may be from a straight line to be taken for it
 SAME = 0.45  # of the rate: what is compared of two that are sampled alike
 OTHER = 0.3  # of the slower rate, between whose samples there is a curve: it keeps 1 - 1e-3 of the gain up to there
@@ -96,7 +96,7 @@ class Comparison:
     measured: str
     model: str
     seconds: float
-    stretches: int
+    sections: int
     rate: float
     segments: int
     segment: float
@@ -108,7 +108,7 @@ class Comparison:
 
 
 class _Grid(NamedTuple):
-    """Both forces at the same times, stretch by stretch; column 0 is the model's."""
+    """Both forces at the same times, section by section; column 0 is the model's."""
 
     rate: float
     begin: list[float]
@@ -251,7 +251,7 @@ def _varies(grid: _Grid, k: int) -> bool:
 
 
 def _runs(time: FloatArray) -> list[tuple[float, float]]:
-    """First and last time of each stretch without a gap."""
+    """First and last time of each section without a gap."""
     steps = np.diff(time)
     cuts = np.flatnonzero(steps > GAP * float(np.median(steps)))
     firsts, lasts = np.concatenate([[0], cuts + 1]), np.concatenate([cuts, [time.size - 1]])
@@ -589,7 +589,7 @@ def content(found: Comparison) -> dict[str, Any]:
         "measured": found.measured,
         "model": found.model,
         "seconds": found.seconds,
-        "stretches": found.stretches,
+        "sections": found.sections,
         "rate_Hz": found.rate,
         "segments": found.segments,
         "segment_s": found.segment,

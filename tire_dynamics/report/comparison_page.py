@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Sequence
 from typing import Any
@@ -13,6 +12,8 @@ from numpy.typing import ArrayLike
 from .. import __version__
 from ..science.comparison import Lines
 from .comparison import Axis, Comparison, statements
+from .rendering import rendered
+from .traces import typed
 
 __all__ = ["page"]
 
@@ -35,7 +36,6 @@ def page(found: Comparison) -> tuple[str, str]:
     tuple of str
         HTML that needs no network, and one sentence.
     """
-    from jinja2 import Environment, PackageLoader, StrictUndefined
     from plotly.offline import get_plotlyjs
 
     said = statements(found)
@@ -48,10 +48,8 @@ def page(found: Comparison) -> tuple[str, str]:
             figures[f"orders-{axis.name}"] = _orders(axis)
     levels = [level for level, _ in said]
     headline = said[0][1][:1].upper() + said[0][1][1:] + "."
-    environment = Environment(
-        loader=PackageLoader("tire_dynamics.report", ""), autoescape=True, undefined=StrictUndefined
-    )
-    text = environment.get_template("comparison.html").render(
+    text = rendered(
+        "comparison.html",
         found=found,
         tiles=[_tiles(axis) for axis in found.axes],
         bands={axis.name: _band_rows(axis) for axis in found.axes},
@@ -144,8 +142,8 @@ def _bands(axis: Axis) -> Figure:
         whiskers = {
             "type": "data",
             "symmetric": False,
-            "array": _typed(table[:, 2] - table[:, 0]),
-            "arrayminus": _typed(table[:, 0] - table[:, 1]),
+            "array": typed(table[:, 2] - table[:, 0], "f8"),
+            "arrayminus": typed(table[:, 0] - table[:, 1], "f8"),
             "color": colour,
             "thickness": 1,
             "width": 3,
@@ -198,8 +196,8 @@ def _line(
     return {
         "type": "scatter",
         "mode": "lines",
-        "x": _typed(x),
-        "y": _typed(y),
+        "x": typed(x, "f8"),
+        "y": typed(y, "f8"),
         "yaxis": axis,
         "name": name,
         "showlegend": shown,
@@ -241,12 +239,6 @@ def _layout(titles: Sequence[str], along: str, heights: Sequence[float], height:
         }
         top -= share + space
     return layout
-
-
-def _typed(values: ArrayLike) -> dict[str, str]:
-    """Numbers as Plotly takes them in a few bytes each; NaN, which is a gap in a line, among them."""
-    packed = np.ascontiguousarray(values, "<f8").tobytes()
-    return {"dtype": "f8", "bdata": base64.b64encode(packed).decode("ascii")}
 
 
 # -- tables -------------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from .charts import (
 from .findings import number, summary
 from .gather import Drive
 from .model_charts import campbell_figure, stability_figure
+from .rendering import rendered
 from .tables import (
     closed_form,
     harmonics_table,
@@ -67,7 +67,8 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
     if any(harmonics):
         figures["variation"] = variation_figure(drive, harmonics)
     names = [wheel.name for wheel in drive.wheels]
-    text = _rendered(
+    text = rendered(
+        "template.html",
         title=drive.name,
         subtitle=subtitle(drive),
         found=found,
@@ -94,21 +95,6 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         plotly=get_plotlyjs(),
     )
     return text, found.headline
-
-
-def _rendered(**values: Any) -> str:
-    """The template with these values: texts escaped, ``data`` as JSON that no tag can end."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
-    environment = Environment(
-        loader=PackageLoader(f"{__package__}", ""),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-    return environment.get_template("template.html").render(values)
 
 
 def _bands(drive: Drive, known: Errors, highest: float) -> Bands:

@@ -87,13 +87,14 @@ def log_axis(low: float, high: float) -> Figure:
     return {"type": "log", "range": bounds, "tickmode": "array", "tickvals": ticks, "ticktext": text}
 
 
-def typed(values: ArrayLike) -> dict[str, str]:
+def typed(values: ArrayLike, kind: str = "f4") -> dict[str, str]:
     """Numbers as Plotly takes them in a few bytes each; NaN, which is a gap in a line, among them."""
-    return {"dtype": "f4", "bdata": packed(values)}
+    return {"dtype": kind, "bdata": packed(values, kind)}
 
 
-def packed(values: ArrayLike) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")
+def packed(values: ArrayLike, kind: str = "f4") -> str:
+    """The bytes of numbers, of float32 or another kind, as text."""
+    return base64.b64encode(np.ascontiguousarray(values, f"<{kind}").tobytes()).decode("ascii")
 
 
 def wheel_colour(wheel: int) -> str:
