@@ -115,7 +115,7 @@ class LoadFilter:
         self._done: list[_Sample] = []  # those since the first kept state
         self._kept: list[_Kept] = []
         self._redo: int | None = None  # from when on
-        self._read: tuple[FloatArray, FloatArray] | None = None
+        self._read: tuple[list[float], list[float]] | None = None
 
     # -- samples and time -----------------------------------------------------------------------------------
 
@@ -361,7 +361,7 @@ class LoadFilter:
         """Frequency up to which the sources in use make loads known [Hz]; 0 without any."""
         return max((BANDS[name] for name in self.sources), default=0.0)
 
-    def _estimate(self) -> tuple[FloatArray, FloatArray]:
+    def _estimate(self) -> tuple[list[float], list[float]]:
         if self._read is None:
             if not self.running:
                 raise ValueError("there is no estimate: no sample has come within the last 500 ms")
@@ -377,12 +377,12 @@ class LoadFilter:
     @property
     def load(self) -> FloatArray:
         """Vertical load of each tire [N], shape (4,)."""
-        return self._estimate()[0].copy()
+        return np.array(self._estimate()[0])
 
     @property
     def standard_deviation(self) -> FloatArray:
         """Standard deviation of each load's error [N], shape (4,)."""
-        return self._estimate()[1].copy()
+        return np.array(self._estimate()[1])
 
     @property
     def mass_error(self) -> tuple[float, float]:

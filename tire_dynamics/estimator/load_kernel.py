@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -235,10 +234,10 @@ class CarFilter:
     leans: cython.double
     dives: cython.double
     bank: cython.double
-    static: Any
-    tire: Any
-    carried: Any
-    unmodelled: Any
+    static: cython.double[::1]
+    tire: cython.double[::1]
+    carried: cython.double[::1]
+    unmodelled: cython.double[::1]
     jacking: cython.double
 
     def __init__(self, vehicle: VehicleParameters, noise: SensorNoise) -> None:
@@ -266,7 +265,8 @@ class CarFilter:
         self.moment_roll, self.moment_pitch = car.moment
         self.leans, self.dives = car.leans, car.dives
         self.bank = car.bank
-        self.static, self.tire, self.carried, self.unmodelled = car.static, car.tire, car.carried, car.unmodelled
+        self.static, self.tire, self.carried = _flat(car.static), _flat(car.tire), _flat(car.carried)
+        self.unmodelled = _flat(car.unmodelled)
         self.jacking = car.jacking
         self.change, self.left, self.both = np.zeros(24 * 17).data, np.zeros(17 * 24).data, np.zeros(17 * 17).data
         self.few = np.zeros(64).data
@@ -624,20 +624,27 @@ class CarFilter:
 
     # -- what is asked --------------------------------------------------------------------------------------
 
-    def loads(self) -> tuple[FloatArray, FloatArray]:
+    def loads(self) -> tuple[list[float], list[float]]:
         """Load of each tire and its standard deviation [N]."""
-        n = 24
-        x, p = self.buffer[:n], self.buffer[n : n + n * n].reshape(n, n)
-        tire, mass = slice(4, 8), 22
-        load = self.static + self.carried * x[mass] + self.tire * x[tire] + np.array(self.balance)
-        variance = self.tire * self.tire * p.diagonal()[tire] + self.carried * self.carried * p[mass, mass]
-        variance = variance + 2.0 * self.tire * self.carried * p[tire, mass]
-        lean = 0.0
-        for i in range(8):
+        i: cython.Py_ssize_t
+        lean: cython.double = self.tilt[0] * self.x[0]
+        load: cython.double
+        variance: cython.double
+        for i in range(1, 8):
             lean += self.tilt[2 * i] * self.x[i]
-        jacking = self.jacking * self.x[16] * lean
-        variance = variance + np.array(self.spread) + self.unmodelled + jacking * jacking
-        return np.maximum(load, 0.0), np.sqrt(np.maximum(variance, 0.0))
+        lean = self.jacking * self.x[_ACROSS] * lean
+        loads: list[float] = [0.0, 0.0, 0.0, 0.0]
+        deviations: list[float] = [0.0, 0.0, 0.0, 0.0]
+        for i in range(4):
+            load = self.static[i] + self.carried[i] * self.x[_MASS] + self.tire[i] * self.x[_TIRE + i]
+            load += self.balance[i]
+            variance = self.tire[i] * self.tire[i] * self.p[(_TIRE + i) * _N + _TIRE + i]
+            variance += self.carried[i] * self.carried[i] * self.p[_MASS * _N + _MASS]
+            variance += 2.0 * self.tire[i] * self.carried[i] * self.p[(_TIRE + i) * _N + _MASS]
+            variance += self.spread[i] + self.unmodelled[i] + lean * lean
+            loads[i] = max(load, 0.0)
+            deviations[i] = sqrt(max(variance, 0.0))
+        return loads, deviations
 
     def mass_error(self) -> tuple[float, float]:
         """Relative error of the mass and its standard deviation."""

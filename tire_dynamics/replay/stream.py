@@ -710,6 +710,8 @@ class MessageStream:
         at: cython.Py_ssize_t
         topic: cython.Py_ssize_t = self.results * wheel + self.first_estimate
         self.put_wrench(wheel, topic, stamp, head, 0.0, self.estimated[2 * wheel])
+        if not self.wheels.due[wheel]:  # those of the error change slowly: they come with the belts
+            return
         put_double(self.number, 4, self.estimated[2 * wheel + 1])
         self.put_bytes(self.number, topic + 1, head)
         if self.has_covariance and self.wheels.schedule.running[wheel]:

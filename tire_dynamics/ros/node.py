@@ -727,7 +727,8 @@ class TireDynamicsNode(LifecycleNode):
                 array.status.append(self._status("load estimate", of_loads(loads)))
                 if change := change_of(self._missing, loads):
                     self.get_logger().warning(change)
-                self._missing = loads.missing
+                if loads.filter.running or self._missing is not None:
+                    self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)

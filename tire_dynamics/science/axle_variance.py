@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from .stepping import solve_in_order
 from .unit import TireWheelUnit
+from .wheel import is_unstable
 from .wheel_matrices import Model, fixed_frame
 
 __all__ = ["axle_force_covariance"]
@@ -51,6 +52,8 @@ def axle_force_covariance(
         raise ValueError(f"corner_hz is {corner_hz!r}; it must be > 0")
     if not math.isfinite(speed):
         raise ValueError(f"speed is {speed!r}; it must be finite")
+    if is_unstable(unit, speed, model):
+        return np.full((2, 2), math.nan)
     system = fixed_frame(unit, model)
     corner = 2.0 * math.pi * corner_hz
     n = len(system.constant) + 1
