@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import subprocess
@@ -24,7 +23,6 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
-from tire_dynamics import read_vehicle
 from tire_dynamics.ros import typed
 from tire_dynamics.ros.node import TireDynamicsNode
 
@@ -166,23 +164,14 @@ def context_in(domain: int):
 
 
 def everything_of_the_node(domain: int, use_sim_time: bool) -> dict[str, set[str]]:
-    """Wherever its loads come from: they are given, follow from the road, or are estimated."""
     arguments = ["--params-file", str(REPOSITORY / "config" / "vehicle.yaml")]
     arguments += ["-p", f"use_sim_time:={str(use_sim_time).lower()}"]
-    car = read_vehicle(REPOSITORY / "config" / "car.yaml").to_mapping()
-    estimate = {f"vehicle.{field}": value for field, value in car.items()} | {"axle_wrench_covariance": True}
-    found: dict[str, set[str]] = {}
-    for source, more in (("topic", {}), ("road", {}), ("estimate", estimate)):
-        values = {"load_source": source, **more}
-        given = [text for key, value in values.items() for text in ("-p", f"{key}:={json.dumps(value)}")]
-        with context_in(domain) as context:
-            node = TireDynamicsNode(context=context, arguments=["--ros-args", *arguments, *given])
-            try:
-                for what, names in has(node).items():
-                    found[what] = found.get(what, set()) | names
-            finally:
-                node.close()
-    return found
+    with context_in(domain) as context:
+        node = TireDynamicsNode(context=context, arguments=["--ros-args", *arguments])
+        try:
+            return has(node)
+        finally:
+            node.close()
 
 
 def everything_of_a_plain_node(domain: int, name: str) -> dict[str, set[str]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -694,8 +695,9 @@ class MessageStream:
         for w in range(self.wheels.count):
             self.estimated[2 * w], self.estimated[2 * w + 1] = loads[w], deviations[w]
             self.wheels.add_load(w, stamp, stamp, loads[w], self.last_traction[w])
+        shares: Any = [_NAN] * (3 * self.wheels.count) if variances is None else variances
         for k in range(3 * self.wheels.count):
-            self.axle_variance[k] = _NAN if variances is None else variances[k]
+            self.axle_variance[k] = shares[k]
 
     @cython.cfunc
     @cython.nogil
