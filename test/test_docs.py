@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tire_dynamics import read_vehicle
 from tire_dynamics.replay.input_map import QUANTITIES
 from tire_dynamics.replay.parameters import PARAMETERS, Parameter
 
@@ -86,10 +88,15 @@ ANY_NODE = r"/rosout|/parameter_events|/clock|~/.*(parameter|state|transition|ty
 
 
 def test_the_readme_has_the_topics_and_services_of_the_node(bench):
-    """Names and types on real nodes, given loads and on the road, but for what every (managed) node has."""
+    """Names and types on real nodes, loads given, estimated and on the road, but for what every (managed) node has."""
     on_it = ("-p", "load_source:=road", "-p", "static_loads:=[4000.0]", "-r", "__ns:=/road")
     road = bench("-p", "wheels:=[a]", *on_it).node
     node = bench("-p", "wheels:=[a]").node
+    known = read_vehicle(REPOSITORY / "config" / "car.yaml").to_mapping()
+    car = {f"vehicle.{field}": value for field, value in known.items()}
+    car |= {"load_source": "estimate", "axle_wrench_covariance": True, "wheels": list("abcd")}
+    arguments = [text for key, value in car.items() for text in ("-p", f"{key}:={json.dumps(value)}")]
+    estimate = bench(*arguments, "-r", "__ns:=/estimate").node
     stated = [row for row in rows("README.md") if row[0] in ("in", "out", "service")]
     listed = {
         "in": node.get_subscriber_names_and_types_by_node,
@@ -101,6 +108,11 @@ def test_the_readme_has_the_topics_and_services_of_the_node(bench):
         "out": road.get_publisher_names_and_types_by_node,
         "service": road.get_service_names_and_types_by_node,
     }
+    estimated = {
+        "in": estimate.get_subscriber_names_and_types_by_node,
+        "out": estimate.get_publisher_names_and_types_by_node,
+        "service": estimate.get_service_names_and_types_by_node,
+    }
     for way, names_and_types in listed.items():
         said = {name(row[1]): row[2] for row in stated if row[0] == way and name(row[1])}
         # Those with messages that are not installed: test/interfaces looks at them.
@@ -108,9 +120,12 @@ def test_the_readme_has_the_topics_and_services_of_the_node(bench):
         if way == "out":
             del said["/tf_static"]  # only where there is tf2_msgs, and a parent frame
         real = {}
-        of_both = [*names_and_types("tire_dynamics", "/"), *on_the_road[way]("tire_dynamics", "/road")]
-        for topic, (kind,) in of_both:
-            topic = topic.removeprefix("/road")
+        of_all = [*names_and_types("tire_dynamics", "/"), *on_the_road[way]("tire_dynamics", "/road")]
+        of_all += estimated[way]("tire_dynamics", "/estimate")
+        for topic, (kind,) in of_all:
+            topic = topic.removeprefix("/road").removeprefix("/estimate")
+            if re.match("/[bcd]/", topic):
+                continue
             topic = topic.replace("/tire_dynamics/", "~/").replace("/a/", "<wheel>/").replace("/joint", "joint")
             if not re.fullmatch(ANY_NODE, topic):
                 real[topic] = re.sub("/(msg|srv)/", "/", kind)

@@ -292,6 +292,7 @@ def test_the_command_takes_a_car_by_its_file(tmp_path, bag, capsys):
     assert written(tmp_path / "out", ["rear_right/load_estimate"])["rear_right/load_estimate"]
     (tmp_path / "car.yaml").write_text("sprung_mass: 1320.0\n")
     arguments = ["replay", str(bag), "-o", str(tmp_path / "no"), "--config", str(config)]
+    capsys.readouterr()  # how it went
     assert main([*arguments, "--vehicle", str(tmp_path / "car.yaml")]) == 2
     line = capsys.readouterr().err
     assert "missing: unsprung_masses" in line and line.count("\n") == 1
