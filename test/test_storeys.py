@@ -80,6 +80,8 @@ def uses(file: Path, package: Path) -> set[Use]:
 
 def place(module: str) -> float:
     """How high a module stands; what is in no room stands above those that are public."""
+    if module.endswith(".__main__"):  # the command, as a module
+        return len(ROOMS)
     room = module.split(".")[1] if "." in module else ""
     return ROOMS.index(room) if room in ROOMS else PUBLIC - 0.5
 
