@@ -17,7 +17,8 @@ from harness import parser, print_machine, print_table, shown, spread, write_jso
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.estimator.belt import BeltMotion
 from tire_dynamics.estimator.motion import Motion
-from tire_dynamics.estimator.road_motion import RoadMotion, under_the_belt
+from tire_dynamics.estimator.road_constants import under_the_belt
+from tire_dynamics.estimator.road_motion import RoadMotion
 from tire_dynamics.estimator.settings import VehicleSettings
 from tire_dynamics.estimator.wheels import Wheels
 

@@ -54,9 +54,10 @@ case $share:$used in
 *) fail "not what colcon installed: $share, $used" ;;
 esac
 python -m tire_dynamics.build_state || ! command -v "${CC:-gcc}" >/dev/null || fail "the core is not compiled"
-for file in config/vehicle.yaml launch/tire_dynamics.launch.py package.xml; do
+for file in config/vehicle.yaml launch/tire_dynamics.launch.py bags/sample/metadata.yaml package.xml; do
     [ -f "$share/$file" ] || fail "$file is not installed"
 done
+"$workspace/install/tire_dynamics/lib/tire_dynamics/tire-dynamics" info "$share/bags/sample" || fail "no command"
 executable=$workspace/install/tire_dynamics/lib/tire_dynamics/node
 "$executable" --ros-args --params-file "$share/config/vehicle.yaml" -p log.directory:="$workspace/runs" &
 node=$!

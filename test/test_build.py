@@ -25,7 +25,7 @@ SUFFIX = sysconfig.get_config_var("EXT_SUFFIX")
 RUN = """
 import hashlib
 import numpy as np
-from tire_dynamics import TireWheelUnit, build_state, simulate
+from tire_dynamics import LoadFilter, TireWheelUnit, VehicleParameters, build_state, simulate
 from tire_dynamics.cdr import messages
 from tire_dynamics.replay.pipeline import Pipeline
 
@@ -58,6 +58,27 @@ for extra in ({"tire.radial_runout": [1.0, 5e-4, 0.3]}, damped):
             pipeline.receive(f"{wheel}/road_height", now - 300_000, height)
         for topic, data in pipeline.tick(now) + pipeline.belts():
             bits.update(topic.encode() + data)
+car = {
+    "sprung_mass": 1320.0, "unsprung_masses": [42.0] * 4, "wheelbase": 2.7, "front_axle_to_cg": 1.25,
+    "tracks": [1.5, 1.6], "cg_height": 0.54, "unsprung_height": 0.31, "roll_inertia": 480.0, "pitch_inertia": 2100.0,
+    "roll_centre_heights": [0.06, 0.11], "spring_rates": [26e3] * 4, "damper_bump": [1500.0] * 4,
+    "damper_rebound": [2600.0] * 4, "anti_roll_rates": [14e3, 7e3],
+}
+for given in ("imu", "wheel_speed", "imu travel", "imu travel hub wheel_speed"):
+    loads = LoadFilter(VehicleParameters.from_mapping(car))
+    for k in range(1, 30):
+        now, few = k * 2_000_000, random.normal(0.0, 1.0, (4, 4))
+        few[few > 1.5] = np.nan
+        if "imu" in given:
+            loads.add_imu(now - 500_000, [few[0, 0], few[0, 1], 9.8 + few[0, 2]], [0.1 * few[0, 3], 0.0, few[1, 0]])
+        if "travel" in given:
+            loads.add_travel(now - 3_000_000 * (k % 3), 0.02 * few[1])
+        if "hub" in given:
+            loads.add_hub(now, 9.8 + 5.0 * few[2])
+        if "wheel_speed" in given:
+            loads.add_wheel_speed(now, 50.0 + few[3])
+        if loads.advance(now):
+            bits.update(loads.load.tobytes() + loads.standard_deviation.tobytes())
 time = np.arange(0.0, 0.05, 1e-3)
 road = simulate(
     TireWheelUnit.table_1(zeta_s=0.3, contact_half_angle=0.15, vertical_stiffness=2e5), time, 60.0 + 100.0 * time,
@@ -194,7 +215,8 @@ def test_a_wheel_from_the_source_archive_runs_compiled_where_no_compiler_is(tmp_
         *("config/vehicle.yaml", "launch/tire_dynamics.launch.py", "test/conftest.py", "test/interop/read_log.cjs"),
         *(source.as_posix() for source in SOURCES),
     }
-    assert carried <= names
+    carried |= set(re.findall(r"\]\(((?!https?:|#)[^)#]+)", (ROOT / "README.md").read_text(encoding="utf-8")))
+    assert carried <= names, "what the README names is there"
     assert [name for name in names if name.endswith((".c", ".so"))] == []
 
     log = pip("wheel", "--no-deps", "-v", "--wheel-dir", tmp_path, archive)

@@ -351,6 +351,34 @@ def test_force_variation_is_the_first_order_of_the_periodic_solution(unit, speed
         assert [axle, force] == pytest.approx(expected[j], abs=1e-3 * scale)  # second order: 1e-5 of resonances
 
 
+@settings(max_examples=10)
+@given(unit=units(), speed=st.floats(20.0, 200.0), model=models)
+def test_the_forward_variation_is_that_of_supports_that_hardly_give(unit, speed, model):
+    """Bushing and suspension a million times the sidewall: a wheel that is held, by the bushing's own equations."""
+    unit = unit.replace(
+        radial_nonuniformity=[(1, 0.03, 0.2), (2, 0.01, 1.0)], tangential_nonuniformity=[(2, 0.02, 0.5)],
+        radial_runout=[(1, 1e-4, 0.3), (3, 2e-4, 1.3)], imbalance_mass=0.01, imbalance_angle=0.7,
+        longitudinal_stiffness=0.0, sprung_mass=0.0,
+    )  # fmt: skip
+    stiff = {"longitudinal_stiffness": 1e6 * unit.sidewall_stiffness}
+    held = {"suspension_stiffness": 1e6 * unit.sidewall_stiffness, **stiff}
+    for mount, changes in (("car", stiff), ("machine", held)):
+        found = contact.force_variation(unit, speed, 3000.0, model, 4, mount=mount)
+        near = contact.force_variation(unit.replace(**changes), speed, 3000.0, model, 4)
+        scale = max(np.abs(found.forward).max(), np.abs(found.axle).max())
+        assert near.forward == pytest.approx(found.forward, abs=1e-4 * scale)
+
+
+def test_run_out_pushes_forward_as_a_road_does():
+    """To the contact it is a road that turns with the tire."""
+    unit = ROAD.replace(radial_runout=[(1, 5e-4, 0.2)])
+    speed = 80.0
+    road = contact.frequency_response(unit, speed, speed / (2.0 * math.pi))[:, 0]
+    runout = 5e-4 * np.exp(-1j * (1.5 * math.pi - 0.2))
+    found = contact.force_variation(unit, speed, 4000.0)
+    assert [found.forward[0], found.axle[0], found.contact[0]] == pytest.approx(road * runout, rel=1e-9)
+
+
 def harmonic_balance(unit, parts, system, speed, load, model, mount):
     """Axle and contact force over exp(i j phi), of the steady answer to the load, the weight and what turns."""
     n, half = len(system.matrix), len(wheel.fixed_frame(unit.mean, model).constant) // 2

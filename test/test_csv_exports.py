@@ -341,6 +341,7 @@ ESTIMATE = "--corner-mass 400 --load-unit"
         (PLAIN, SPEED, LOAD / MASS, TIME, f"{ESTIMATE} g", "g in the mean: is it in m/s^2?"),
         (PLAIN, SPEED, LOAD / MASS - G, TIME, f"{ESTIMATE} m/s^2", "gravity is not in it"),
         (PLAIN, SPEED, LOAD * 3 / MASS, TIME, f"{ESTIMATE} m/s^2", "where the mass weighs 3923 N"),
+        (PLAIN, SPEED, LOAD / G, TIME, "--corner-mass 400", "where the mass weighs 3923 N: is the acceleration in g?"),
         ("t,left [rpm],right [rpm],a,b", SPEED, LOAD, TIME, "--speed-unit rad/s", "the header says rpm, and --speed-"),
         ("t,left,right,a [kN],b [kN]", SPEED, LOAD, TIME, "--load-unit N", "the header says kN, and --load-unit N"),
         ("t,left,right,a [V],b [V]", SPEED, LOAD, TIME, "", "the header's unit 'V' of a, b is none of a load"),

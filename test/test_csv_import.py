@@ -254,7 +254,6 @@ def test_rows_that_cannot_be_used_are_left_out_and_counted(do_import, capsys, ro
         (SPEED, LOAD, "--speed-unit m/s --rolling-radius 0", "--rolling-radius is 0; it must be > 0"),
         (SPEED, LOAD, "--speed-unit m/s --rolling-radius nan", "--rolling-radius is nan; it must be > 0"),
         (SPEED, LOAD, "--load-unit m/s^2", "--load-unit m/s^2 needs --corner-mass"),
-        (SPEED, LOAD, "--corner-mass 400", "--corner-mass goes with --load-unit m/s^2 or g; the load is in N"),
         (SPEED, LOAD, "--speed-unit mph", "--speed-unit mph needs --rolling-radius"),
         (SPEED, LOAD, "--load-unit g", "--load-unit g needs --corner-mass"),
         (SPEED.replace("left,", "lefft,"), LOAD, "", "'left' is not there (did you mean 'lefft'?); the columns are"),

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tire_dynamics.replay.input_map import QUANTITIES
 from tire_dynamics.replay.parameters import PARAMETERS, Parameter
 
 REPOSITORY = Path(__file__).parents[1]
@@ -42,13 +43,30 @@ def bounds(text: str) -> tuple[float | None, float | None]:
     return {"": (None, None)}[text]
 
 
+def described_as(row: Parameter) -> str:
+    """The name that a parameter has in the page: those of the field map stand there once for all quantities."""
+    return re.sub(r"^inputs\.\w+\.", "inputs.<quantity>.", row.name)
+
+
 def test_every_parameter_is_described():
-    assert list(DESCRIBED) == [row.name for row in PARAMETERS]
+    assert list(DESCRIBED) == list(dict.fromkeys(map(described_as, PARAMETERS)))
+
+
+def test_every_quantity_of_the_field_map_is_described():
+    """Its units, the first of which is the default."""
+    stated = {row[0]: row for row in rows("docs/parameters.md")}
+    for quantity, known in QUANTITIES.items():
+        units = re.findall(r"`([^`]+)`", stated[quantity][1])
+        assert units == [*known.units, *known.linear]
 
 
 @pytest.mark.parametrize("row", PARAMETERS, ids=[row.name for row in PARAMETERS])
 def test_a_parameter_is_described_as_it_is(row: Parameter):
-    _, kind, default, spread, description = DESCRIBED[row.name]
+    _, kind, default, spread, description = DESCRIBED[described_as(row)]
+    kind, default = kind.replace(" or ", " | "), default
+    if row.name.startswith("inputs.") and row.choices:  # another for each quantity
+        assert (kind, default, spread) == ("string", "", "those of the quantity")
+        return
     assert kind == row.kind + ("" if row.read_only else ", live")
     stated = yaml.safe_load(name(default))
     if row.kind == "double":  # 5.8e+6 is a number to ROS and YAML; an integer would be refused by both

@@ -32,7 +32,7 @@ MODULES = [
     "science.wheel",
     "science.floquet",
     "science.contact",
-    "science.contact_step",
+    "science.contact_points",
     "science.nonuniform",
     "science.rotating_excitation",
     "science.uniformity",

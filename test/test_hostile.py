@@ -29,10 +29,10 @@ import lz4.frame
 import pytest
 import yaml
 import zstandard
-from examples import spared
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
+from examples import spared
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64, encode_string
@@ -202,7 +202,7 @@ def chunk(data: bytes, compression: bytes = b"", size: int | None = None, crc: i
     return record(6, head + struct.pack("<Q", len(stored)) + stored)
 
 
-def schema(number: int, name: bytes, definition: bytes = b"float64 data\n") -> bytes:
+def schema(number: int, name: bytes, definition: bytes = b"") -> bytes:
     return record(3, struct.pack("<H", number) + text(name) + text(b"ros2msg") + text(definition))
 
 
@@ -530,11 +530,10 @@ def test_an_index_that_names_one_chunk_many_times(tmp_path):
 # --- types and messages that lie ---
 
 
-def test_a_type_that_its_text_contradicts(tmp_path):
-    """The name says WrenchStamped; the text and the bytes are another's. Bytes that do not fit are left out."""
+def test_messages_that_are_not_of_their_type(tmp_path):
+    """Bytes that do not fit are left out."""
     path = tmp_path / "lie.mcap"
-    declared = schema(1, LOAD, b"string[] names\n") + schema(2, SPEED) + channel(1, 1, b"/w/load")
-    declared += channel(2, 2, b"/w/wheel_speed")
+    declared = schema(1, LOAD) + schema(2, SPEED) + channel(1, 1, b"/w/load") + channel(2, 2, b"/w/wheel_speed")
     garbage = b"".join(
         message(1, BEGIN + i, data)
         for i, data in enumerate([b"", b"\0", b"\0\1\0\0", encode_float64(1.0), b"\0\1\0\0" + b"\xff" * 500, bytes(70)])
@@ -547,6 +546,18 @@ def test_a_type_that_its_text_contradicts(tmp_path):
     assert "2 messages of its load are not what their type says" in refused("replay", path, "-o", tmp_path / "out")
     path.write_bytes(file_of(chunk(declared + garbage + driving())))
     assert both(tmp_path, path) == (0, 0)
+
+
+@pytest.mark.parametrize("definition", [b"string[] names\n", b"float64 data\n", b"float64[5] x # what\nuint8 K = 3\n"])
+def test_a_type_that_its_text_contradicts(tmp_path, definition):
+    """Of such messages 70 zero bytes would be a load of 0 N, and bytes that fit by chance some other."""
+    path = tmp_path / "lie.mcap"
+    declared = schema(1, LOAD, definition) + schema(2, SPEED) + channel(1, 1, b"/w/load")
+    zeros = b"".join(message(1, BEGIN + 10_000_000 * i, bytes(70)) for i in range(20))
+    for messages_of_it in (zeros, driving()):
+        path.write_bytes(file_of(chunk(declared + channel(2, 2, b"/w/wheel_speed") + driving() + messages_of_it)))
+        words = refused("replay", path, "-o", tmp_path / "out")
+        assert "/w/load is said to be geometry_msgs/msg/WrenchStamped, but the bag's own definition" in words
 
 
 @pytest.mark.parametrize(

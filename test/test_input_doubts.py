@@ -94,6 +94,18 @@ def test_each_of_several_bags_has_its_own(tmp_path, capsys, config):
     assert sound == [] and len(down) == 1 and f"{bags[1]}: doubtful: {down[0]}" in err
 
 
+@pytest.mark.parametrize(("load", "odd"), [(LOAD / GRAVITY, True), (850.0, True), (950.0, False), (LOAD, False)])
+def test_without_a_sprung_mass_loads_are_held_against_the_weight_of_wheel_and_tire(tmp_path, capsys, load, odd):
+    """A wheel of 40 kg with a belt of 5.88 kg weighs 449.9 N; loads have 3 % more in the mean."""
+    config = tmp_path / "unit.yaml"
+    config.write_text("wheel_mass: 40.0\n")
+    bag = write(tmp_path / "in", load=load / 1.03)
+    assert main(["replay", str(bag), "-o", str(tmp_path / "log"), "--config", str(config), "--json"]) == 0
+    doubts = json.loads(capsys.readouterr().out)["doubts"]
+    words = "hardly more than wheel and tire weigh by themselves, 449.9 N: is it in kg, or of an acceleration in g?"
+    assert [words in doubt for doubt in doubts] == [True] * odd
+
+
 def test_of_a_long_bag_every_other_block_is_looked_at_in_part(tmp_path, config):
     """A wheel that stands in the first blocks and turns in the next is not said to stand."""
     still, turning = write(tmp_path / "still", SPEED * [1.0, 0.0]), write(tmp_path / "turning")

@@ -36,29 +36,30 @@ def setup_arguments(*commands: str) -> dict:
 SETUP = setup_arguments("bdist_wheel")
 PACKAGE_XML = ElementTree.parse(ROOT / "package.xml").getroot()
 
-# The rosdep key that installs each distribution of the package index, where it is not python3-<name>. Looked up in
-# ros/rosdistro, rosdep/python.yaml, and the pull requests that added keys there: mcap-ros2-support (36081),
-# python3-rosbags-pip (37795), python3-rich (43386). Plotly has none (53994 is open): nothing here may need it.
+# The rosdep key that installs each distribution of the package index, where it is not python3-<name>; None where there
+# is no key of a Debian package, and nothing may need it. Plotly has none at all (rosdistro's issue 53994 is open).
 ROSDEP_KEYS = {
     "catkin_pkg": "python3-catkin-pkg-modules",
     "pyyaml": "python3-yaml",
-    "mcap": "mcap-ros2-support",
-    "lz4": "mcap-ros2-support",
-    "zstandard": "mcap-ros2-support",
-    "rosbags": "python3-rosbags-pip",
+    "mcap": None,
+    "lz4": None,
+    "zstandard": None,
+    "rosbags": None,
 }
+# Shared libraries for what the Python packages of them would do.
+LIBRARIES = {"liblz4", "libzstd-dev"}
 
 
 def rosdep_keys(requirements: list[str]) -> set[str]:
     names = [re.match(r"[\w.-]+", requirement).group().lower() for requirement in requirements]
-    return {ROSDEP_KEYS.get(name, f"python3-{name}") for name in names}
+    return {key for name in names if (key := ROSDEP_KEYS.get(name, f"python3-{name}"))}
 
 
 def declared(tag: str) -> set[str]:
     return {element.text for element in PACKAGE_XML.findall(tag)}
 
 
-@pytest.mark.parametrize("field", ["name", "version", "license", "maintainer"])
+@pytest.mark.parametrize("field", ["name", "version", "maintainer"])
 def test_package_xml_and_setup_py_agree(field):
     assert PACKAGE_XML.findtext(field) == SETUP[field]
 
@@ -69,6 +70,7 @@ def test_the_package_is_what_they_say():
     assert tire_dynamics.__name__ == PACKAGE_XML.findtext("name")
     assert tire_dynamics.__version__ == PACKAGE_XML.findtext("version")
     assert PACKAGE_XML.find("maintainer").get("email") == SETUP["maintainer_email"]
+    assert PACKAGE_XML.findtext("license") == SETUP.get("license_expression", SETUP.get("license"))
     licence = (ROOT / PACKAGE_XML.find("license").get("file")).read_text(encoding="utf-8")
     assert licence.split()[:4] == ["Apache", "License", "Version", "2.0,"]
 
@@ -167,11 +169,62 @@ def test_rosdep_installs_what_pip_installs():
     report = [requirement for requirement in SETUP["extras_require"]["report"] if "plotly" not in requirement]
     python_keys = rosdep_keys(SETUP["install_requires"] + SETUP["extras_require"]["plot"] + report)
     assert python_keys <= declared("exec_depend")
-    ros_keys = declared("exec_depend") - python_keys
-    assert [key for key in ros_keys if key.startswith("python3-") or key in ROSDEP_KEYS.values()] == []
+    assert declared("exec_depend") >= LIBRARIES
+    ros_keys = declared("exec_depend") - python_keys - LIBRARIES
+    assert [key for key in ros_keys if key.startswith("python3-")] == []
     assert declared("build_depend") == {"cython3", "python3-dev"}  # rosdistro's pull requests 27038 and 15328
     assert declared("test_depend") <= rosdep_keys(SETUP["extras_require"]["test"])
     assert "python3-pytest" in declared("test_depend")  # colcon runs pytest where the extra `test` names it
+
+
+def debian_packages(key: str, system: str = "ubuntu", release: str = "noble") -> list[str]:
+    """What rosdep and bloom make of a key, by the excerpt of ROS's public lists; empty if they have none."""
+    lists = ROOT / "test" / "rosdistro"
+    known = yaml.safe_load((lists / "rosdep" / "excerpt.yaml").read_text(encoding="utf-8"))
+    distribution = yaml.safe_load((lists / "jazzy" / "distribution.yaml").read_text(encoding="utf-8"))
+    released = [name for each in distribution["repositories"].values() for name in each["release"]["packages"]]
+    if key in released:
+        return [f"ros-jazzy-{key.replace('_', '-')}"]
+    rule = known.get(key, {}).get(system, [])
+    if isinstance(rule, dict):
+        rule = rule.get(release, rule.get("*", []))
+    return rule if isinstance(rule, list) else []  # else by pip, which no released package may ask for
+
+
+@pytest.mark.parametrize("file", ["package.xml", "interfaces/tire_dynamics_msgs/package.xml"])
+def test_every_key_is_a_package_of_ubuntu_or_of_jazzy(file):
+    elements = ElementTree.parse(ROOT / file).getroot()
+    keys = [element.text for element in elements if element.tag in DEPENDENCIES - {"member_of_group"}]
+    assert len(keys) > 4
+    assert [key for key in keys if not debian_packages(key)] == []
+
+
+def test_a_key_that_only_pip_installs_would_be_noticed():
+    assert debian_packages("python3-rich", release="focal") == []  # which the excerpt has as pip's
+    assert debian_packages("python3-rosbags-pip") == []
+
+
+def test_ros_is_not_told_of_what_only_pip_has():
+    """pip brings the four packages that have no keys, colcon and Debian's tools do not hear of them."""
+    only = {name for name, key in ROSDEP_KEYS.items() if key is None}
+    for commands, told in (("bdist_wheel", only), ("install", set()), ("develop", set())):
+        required = setup_arguments(commands)["install_requires"]
+        assert {re.match(r"\w+", each).group() for each in required} & only == told
+
+
+@pytest.mark.parametrize("folder", [".", "interfaces/tire_dynamics_msgs"])
+def test_a_package_has_what_a_release_needs(folder):
+    element = ElementTree.parse(ROOT / folder / "package.xml").getroot()
+    assert {url.get("type") for url in element.findall("url")} == {"website", "repository", "bugtracker"}
+    assert element.findtext("version") == PACKAGE_XML.findtext("version")  # bloom releases them together
+    title = f"Changelog for package {element.findtext('name')}"
+    lines = (ROOT / folder / "CHANGELOG.rst").read_text(encoding="utf-8").splitlines()
+    assert lines[:3] == ["^" * len(title), title, "^" * len(title)]
+    assert lines[4:6] == ["Forthcoming", "-" * len("Forthcoming")] or lines[4].startswith(element.findtext("version"))
+
+
+def test_the_packages_xml_of_the_messages_is_valid():
+    assert breaches((ROOT / "interfaces/tire_dynamics_msgs/package.xml").read_text(encoding="utf-8")) == []
 
 
 def test_what_builds_the_package_is_named_alike():
@@ -200,6 +253,7 @@ def test_every_package_that_the_code_uses_is_declared():
     assert {"launch", "numpy", "yaml"} <= imported and "geometry_msgs" in messages, "the search is broken"
     imported.remove("tire_dynamics_msgs")  # used where it is installed
     imported.remove("cython")  # in the modules of the core, which run without
+    imported -= {name for name, key in ROSDEP_KEYS.items() if key is None}  # test_without_packages runs without them
     keys = {name: {name, f"python3-{name}", ROSDEP_KEYS.get(name, name)} for name in imported | messages}
     assert [name for name, possible in keys.items() if not possible & declared("exec_depend")] == []
 
@@ -214,7 +268,9 @@ def test_what_ros_looks_up_is_installed_where_it_looks():
     data_files = SETUP["data_files"]
     installed = {f"{folder}/{Path(file).name}": file for folder, files in data_files for file in files}
     name = PACKAGE_XML.findtext("name")
-    config = {file.relative_to(ROOT) for file in (ROOT / "config").rglob("*") if file.is_file()}
+    folders = (ROOT / "config", ROOT / "bags" / "sample")
+    config = {file.relative_to(ROOT) for folder in folders for file in folder.rglob("*") if file.is_file()}
+    assert Path("bags/sample/metadata.yaml") in config
     assert {Path("config/vehicle.yaml"), Path("config/sros2/tire_dynamics.policy.xml")} <= config
     assert {
         f"share/ament_index/resource_index/packages/{name}": f"resource/{name}",
@@ -273,7 +329,9 @@ def test_vehicle_yaml_holds_parameters_of_the_node():
 
 
 def test_vehicle_yaml_shows_every_parameter():
-    assert set(VEHICLE) == {parameter.name for parameter in PARAMETERS}
+    """But for the field map's, which stand in ``config/inputs``: a file for each stack."""
+    assert set(VEHICLE) == {row.name for row in PARAMETERS if not row.name.startswith("inputs.")}
+    assert "config/inputs" in (ROOT / "config" / "vehicle.yaml").read_text(encoding="utf-8")
 
 
 def test_vehicle_yaml_is_the_defaults_but_for_what_a_car_has():

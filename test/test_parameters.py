@@ -76,6 +76,13 @@ def unusable():
             if row.name == "static_loads":  # with load_source road alone: test_road_node
                 continue
             yield row.name, [1.0, 2.0], "x y z" if row.name == "tf.positions" else "three for each harmonic"
+        if row.kind == "string | string[]":
+            for value in (1, None, [1], ["a", None], {"a": 1}):
+                yield row.name, value, "list of names"
+        if row.kind == "double | double[]":
+            for value in (1, "1.0", None, [1], ["a"], {"a": 1.0}):
+                yield row.name, value, "list of floating-point numbers"
+            yield row.name, [1.0, math.inf], "finite"
         if row.kind == "boolean":
             for value in ("true", 1, 0.0, None, []):
                 yield row.name, value, "true or false"

@@ -7,23 +7,24 @@ import math
 
 import numpy as np
 import pytest
+from contact_reference import ContactStepper
 from test_contact_step import CAR, LOAD, OnTheRoad, bump, close_in, models, some_drive, some_unit
 from test_modes import Drive
 
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
 from tire_dynamics.estimator.belt import BeltMotion
 from tire_dynamics.estimator.motion import Motion
-from tire_dynamics.estimator.road_motion import RoadMotion, on_the_road, under_the_belt
+from tire_dynamics.estimator.road_constants import on_the_road, under_the_belt
+from tire_dynamics.estimator.road_motion import RoadMotion
 from tire_dynamics.science import contact
-from tire_dynamics.science.contact_step import ContactStepper
 
 HELD = CAR.replace(sprung_mass=0.0)
 
 
-def wheels_on_the_road(unit, model="inextensional", n_max=10, loads=(LOAD,), points=1):
+def wheels_on_the_road(unit, model="inextensional", n_max=10, loads=(LOAD,), points=1, coupled=0):
     motion = Motion(on_the_road(unit), model, len(loads))
     belt = BeltMotion(under_the_belt(unit), model, n_max, len(loads), [0.0, 1.0])
-    return RoadMotion(unit, motion, belt, loads, points)
+    return RoadMotion(unit, motion, belt, loads, points, coupled)
 
 
 def seen(road, index=0):
@@ -144,6 +145,9 @@ def test_imbalance_on_the_road():
     wave = np.exp(1j * speed * t[last])
     for values, amplitude in ((found.axle_force[:, 1], expected.axle[0]), (found.contact_force, expected.contact[0])):
         assert values[last] - LOAD == pytest.approx((amplitude * wave).real, abs=2e-3 * abs(amplitude))
+    rest = simulate(unit, [0.0, 1e-3], speed, road=0.0, static_load=LOAD, n_max=6).axle_force[0, 0]
+    forward = found.axle_force[last, 0] - rest
+    assert forward == pytest.approx((expected.forward[0] * wave).real, abs=2e-3 * abs(expected.forward[0]))
 
 
 @models
@@ -168,6 +172,11 @@ def test_a_sine_is_answered_as_the_frequency_response_says(model, entry):
 # -- rest, energy, statics --------------------------------------------------------------------------------------------
 
 
+def state(road):
+    """All but how far it has come."""
+    return {name: value for name, value in road.snapshot(0).items() if name not in ("way", "profile")}
+
+
 @models
 @pytest.mark.parametrize("speed", [0.0, 60.0, -200.0])
 @pytest.mark.parametrize("points", [1, 4])
@@ -175,10 +184,10 @@ def test_on_a_flat_road_not_a_bit_moves(model, speed, points):
     for unit in (CAR, HELD.replace(vertical_stiffness=0.0)):
         road = wheels_on_the_road(unit, model, 5, points=points)
         road.put(0, speed, 0.3, 1.25)
-        before = json.dumps(road.snapshot(0)), seen(road)
+        before = json.dumps(state(road)), seen(road)
         for _ in range(200):
             road.advance(0, 2e-3, speed, 1.25)
-        assert (json.dumps(road.snapshot(0)), seen(road)) == before
+        assert (json.dumps(state(road)), seen(road)) == before
         assert seen(road)[2] == pytest.approx(LOAD, rel=1e-15)
         assert seen(road)[1] == pytest.approx(LOAD, rel=1e-9)  # K = 1
 
@@ -264,11 +273,16 @@ def test_the_reference_steps_are_these(model, points, changes):
     reference = ContactStepper(unit, LOAD, 60.0, model=model, n_max=4, points=points)
     road = wheels_on_the_road(unit, model, 4, points=points)
     road.put(0, 60.0, 0.0, 0.0)
+    before = np.zeros(points)
     for k in range(40):
-        height, speed = float(random.normal(0.0, 0.01)), 60.0 + 20.0 * (k > 15)
+        heights, speed = random.normal(0.0, 0.01, points), 60.0 + 20.0 * (k > 15)
         reference.turn(speed)
-        reference.step(5e-4, height)
-        road.advance(0, 5e-4, speed, height)
+        reference.step(5e-4, heights)
+        if points == 1:
+            road.advance(0, 5e-4, speed, float(heights[0]))
+        else:
+            road.follow_lines(np.array([0.0, 5e-4]), np.full(2, speed), np.stack([before, heights]), np.zeros(2))
+        before = heights
         expected = [*reference.axle_force(), reference.force.sum()]
         assert seen(road) == pytest.approx(expected, abs=1e-11 * LOAD / 1e-4)  # rounding behind stiff springs
 
@@ -283,6 +297,37 @@ def test_points_envelop_a_cleat_shorter_than_the_patch():
     )
     assert np.abs(nine.contact_force - LOAD).max() < 0.8 * np.abs(one.contact_force - LOAD).max()
     assert np.abs(nine.axle_force[:, 0]).max() > 5.0 * np.abs(one.axle_force[:, 0]).max()
+
+
+@pytest.mark.parametrize(
+    ("steps", "part", "tolerance"),
+    [([1] * 24, 6, 1e-6), ([1] * 20 + [-1] * 20, 6, 1e-6), ([-1] * 20 + [0] * 5 + [1] * 8, 6, 1e-6),
+     ([1] * 700 + [-1] * 300, 384, 20.0)],
+    ids=["on", "there and back", "back, a stop, and on", "creeping"],
+)  # fmt: skip
+def test_points_on_a_profile_that_is_told_sample_by_sample(steps, part, tolerance):
+    """Against heights that are known under every point: a road of lines, told at the patch's foremost edge.
+
+    Whoever turns round tells heights at the other edge, a whole number of steps away. In creeping, knots closer than a
+    64th of the patch are merged, which leaves the road 0.1 mm from itself where it bends.
+    """
+    told, known = (wheels_on_the_road(HELD, n_max=4, points=5) for _ in range(2))
+    ahead = -HELD.radius * np.sin(told.angles_of_points())
+    edge = float(ahead[0])
+    step = 2.0 * edge / part
+    speed = step / HELD.radius / 2e-3
+    places = edge * np.array([-9.0, -7.0, -6.0, -4.0, -3.0, -1.0, 1.0, 2.0, 4.0, 5.0])  # flat at the start
+    heights = 1e-3 * np.array([2.0, 3.0, -4.0, 2.0, 0.0, 0.0, 0.0, 4.0, 4.0, 1.0])
+    for each in (told, known):
+        each.put(0, steps[0] * speed, 0.0, 0.0)
+    way, direction = 0.0, 1
+    for sign in steps:
+        before, way, direction = way, way + sign * step, sign or direction
+        told.advance(0, 2e-3, sign * speed, float(np.interp(way + direction * edge, places, heights)))
+        under = np.array([np.interp(s + ahead, places, heights) for s in (before, way)])
+        known.follow_lines(np.array([0.0, 2e-3]), np.full(2, sign * speed), under, np.zeros(2))
+        assert seen(told) == pytest.approx(seen(known), abs=tolerance)
+    assert abs(seen(known)[2] - LOAD) > 20.0
 
 
 @models

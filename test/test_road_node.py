@@ -8,13 +8,17 @@ import math
 import numpy as np
 import pytest
 
-from tire_dynamics import TireWheelUnit, simulate, wheel
+from tire_dynamics import TireWheelUnit, simulate, wheel, write_unit
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
+from tire_dynamics.cli.main import main
+from tire_dynamics.cli.report import report
+from tire_dynamics.estimator.vehicle import stability_reply
 from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.parameters import complete
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.replay.replay import replay
+from tire_dynamics.report.gather import gather
 
 MS = 1_000_000
 TIRE = {"vertical_stiffness": 2e5, "contact_half_angle": 0.15, "sprung_mass": 350.0, "zeta_s": 0.3,
@@ -55,6 +59,34 @@ def test_a_road_of_samples_is_one_of_lines():
     )
     assert forces(outputs, "wheel/contact_load") == pytest.approx(found.contact_force.tolist(), abs=1e-9)
     assert forces(outputs, "wheel/axle_wrench") == pytest.approx(found.axle_force[:, 1].tolist(), abs=1e-9)
+
+
+def test_points_feel_the_road_one_after_the_other():
+    """As ``simulate``, which has heights under the axle, a step after those that are told under the foremost edge."""
+    unit = TireWheelUnit.table_1(**TIRE)
+    reach = unit.radius * math.sin(unit.contact_half_angle * 4 / 5)  # of the first of five points
+    speed = reach / 2e-3 / unit.radius  # so that samples lie at the edges and at the axle
+    heights = np.interp(np.arange(80), [5, 6, 8, 9], [0.0, 5e-3, 5e-3, 0.0])
+    outputs = driven(Pipeline({**ROAD, "contact_points": 5}), heights[1:], speed)
+    found = simulate(
+        unit, 2e-3 * np.arange(79), speed, road=heights[:-1], static_load=4000.0, n_max=5, contact_points=5
+    )
+    assert np.ptp(found.contact_force) > 300.0
+    assert forces(outputs, "wheel/contact_load") == pytest.approx(found.contact_force.tolist(), abs=1e-6)
+
+
+def test_the_parameters_of_the_contact_act():
+    heights = 0.005 * np.sin(0.2 * np.arange(60))
+    varying = {**ROAD, "tire.radial_nonuniformity": [1.0, 0.05, 0.0]}
+    one, five, uneven, left_out = (
+        forces(driven(Pipeline(values), heights), "wheel/contact_load")
+        for values in (ROAD, {**ROAD, "contact_points": 5}, varying, {**varying, "coupled_harmonics": 0})
+    )
+    assert left_out == one
+    assert min(np.abs(np.subtract(each, one)).max() for each in (five, uneven)) > 5.0
+    unit = TireWheelUnit.table_1(**TIRE, radial_nonuniformity=[(1, 0.05, 0.0)])
+    found = simulate(unit, 2e-3 * np.arange(60), 60.0, road=heights, static_load=4000.0, n_max=5)
+    assert uneven == pytest.approx(found.contact_force.tolist(), abs=1e-9)
 
 
 def test_the_topics_are_those_of_the_road():
@@ -111,15 +143,41 @@ def test_a_unit_that_diverges_is_given_up_and_counted():
     assert pipeline.vehicle.inputs[0].divergences == 1 and not outputs[-1]
 
 
-def test_a_restored_vehicle_goes_on_bit_for_bit():
-    first = Pipeline(ROAD)
+@pytest.mark.parametrize(
+    "changes", [{}, {"contact_points": 5}, {"tire.radial_nonuniformity": [1.0, 0.05, 0.3], "model": "complete"}]
+)
+def test_a_restored_vehicle_goes_on_bit_for_bit(changes):
+    values = {**ROAD, **changes}
+    first = Pipeline(values)
     heights = np.random.default_rng(1).normal(0.0, 0.02, 60).tolist()
     driven(first, heights[:30])
-    second = Pipeline(ROAD)
+    second = Pipeline(values)
     second.vehicle.restore(json.loads(json.dumps(first.vehicle.snapshot())))
     expected, found = (driven(each, heights[30:], first=31, late=300_000) for each in (first, second))
     assert found == expected
     assert first.vehicle.snapshot() == second.vehicle.snapshot()
+
+
+@pytest.mark.parametrize("varying", [[], [1.0, 0.05, 0.0]])
+def test_vehicle_library_and_command_give_one_reply(varying, tmp_path, capsys):
+    values = {**ROAD, "n_max": 3, "tire.radial_nonuniformity": varying}
+    vehicle = Pipeline(values).vehicle
+    vehicle.wheel_speed(0, 0, 100.0)
+    vehicle.tick(0)
+    reply = vehicle.stability(0)
+    unit = vehicle.unit
+    assert reply == stability_reply("wheel", unit, 100.0, n_max=3, contact=True)
+    assert reply.keys() == stability_reply("wheel", unit, 100.0).keys()
+    assert reply["periodicity"] == ("irreducible" if varying else "reducible")
+    write_unit(unit, tmp_path / "tire.yaml")
+    rpm = str(100.0 * 30.0 / math.pi)
+    main(["stability", "--contact", "--speed-rpm", rpm, "--n-max", "3", "--config", str(tmp_path / "tire.yaml")])
+    said = json.loads(capsys.readouterr().out)
+    assert said.keys() == reply.keys()
+    assert {name: said[name] for name in ("contact", "verdict", "n_max", "periodicity")} == {
+        name: reply[name] for name in ("contact", "verdict", "n_max", "periodicity")
+    }
+    assert np.array(said["multipliers"]) == pytest.approx(np.array(reply["multipliers"]), abs=1e-9)
 
 
 def test_the_stability_says_that_it_is_of_the_road():
@@ -138,6 +196,9 @@ def test_the_stability_says_that_it_is_of_the_road():
         ({"static_loads": [0.0]}, "static_loads has 0.0"),
         ({"tire.vertical_stiffness": 4e5}, r"tire.vertical_stiffness is 400000.0; it must be <"),
         ({"load_source": "estimate"}, "load_source is 'estimate'"),
+        ({"contact_points": 0}, "contact_points is 0; it must be at least 1"),
+        ({"contact_points": 3, "tire.contact_half_angle": 0.0}, "contact_points is 3; it must be 1 where contact_half"),
+        ({"coupled_harmonics": -1}, "coupled_harmonics is -1; it must be at least 0"),
     ],
 )
 def test_parameters_that_are_refused(values, word):
@@ -180,3 +241,27 @@ def test_a_bag_of_a_road_is_replayed_and_its_replay_again_bit_for_bit(tmp_path):
     assert outputs_of(tmp_path / "first") == outputs_of(tmp_path / "second")
     with pytest.raises(InputError, match="no topic wheel/load"):
         replay(bag, tmp_path / "third", quiet=True)
+
+
+def test_a_report_of_a_road(tmp_path):
+    """Its loads are the contact's, its critical speed that in contact, and it says whose force variation it shows."""
+    pytest.importorskip("plotly")
+    log = tmp_path / "log"
+    config = tmp_path / "road.yaml"
+    config.write_text(json.dumps({"/**": {"ros__parameters": {**ROAD, "n_max": 4}}}))
+    replay(bag_of_a_road(tmp_path / "bag", 4.0), log, config=config, quiet=True)
+    drive = gather(BagReader(log), BagReader(log), quiet=True)
+    contact = [messages.WrenchDecoder().decode(data).fz for data in outputs_of(log)["/wheel/contact_load"]]
+    numbers = drive.wheels[0].numbers["load_z"]
+    assert (numbers.count, numbers.high) == (len(contact), max(contact))
+    heights = next(each for each in drive.inputs if each.topic == "/wheel/road_height")
+    assert heights.messages == 2000
+    headline = report(log, tmp_path / "road.html", quiet=True)
+    text = (tmp_path / "road.html").read_text(encoding="utf-8")
+    assert headline.startswith("The rotating tire was stable at every speed driven")
+    unit = TireWheelUnit.table_1(**TIRE)
+    rpm = round(wheel.critical_speed(unit, contact=True, n_max=4) * 30.0 / math.pi)
+    assert f"{rpm:,}".replace(",", "\u202f") in text
+    assert "The tires stand on a road" in text and "on the road, in this car" in text
+    with pytest.raises(InputError, match="stand on a road; errors of parameters"):
+        report(log, tmp_path / "errors.html", error=["zeta_1=0.01"], quiet=True)

@@ -19,11 +19,13 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from test_live_log import PATIENCE, end, live_node
 from test_node import Bench
 
+from tire_dynamics.build_state import is_compiled
+
 REPOSITORY = Path(__file__).parents[1]
 STEPS = ("loading", "starting", "configured", "active")
 EARLY = ("_rclpy_pybind11", "_multiarray_umath", "_yaml")  # extension modules, as they are loaded one after the other
 INFO = ord(Log.INFO) if isinstance(Log.INFO, bytes) else Log.INFO
-LATE = "lz4"  # and the last of them
+LATE = "replay/stream"  # and the last of them, where the core is compiled
 
 
 def steps(said: str) -> tuple[str, ...]:
@@ -100,7 +102,7 @@ def stopped_at(moment, number: signal.Signals) -> tuple[str, bool]:
             pytest.skip("needs /proc to see how far the start has come")
         said = moment(node, maps)
         node.send_signal(signal.SIGSTOP)
-        loading = LATE not in maps.read_text()
+        loading = is_compiled() and LATE not in maps.read_text()
         node.send_signal(number)
         node.send_signal(signal.SIGCONT)
         said += node.communicate(timeout=PATIENCE)[1]

@@ -65,6 +65,10 @@ def changed(**values):
     return "\n".join(lines) + "\n"
 
 
+def with_stiffness(text, value):
+    return f"{text}[VERTICAL]\nVERTICAL_STIFFNESS = {value}\n"
+
+
 def refusal(path, **fields):
     """The one line with which the file is refused."""
     with pytest.raises(ValueError) as caught:
@@ -350,6 +354,7 @@ def test_lines_without_an_equals_sign_are_said(tmp_path, line):
     ("text", "words"),
     [
         # a truck's file, with the belt of a car: nearer to the rim than to the tread
+        (changed(BELT_IYY="0.9"), "sqrt(BELT_IYY/BELT_MASS) = 0.3524 m, is more than UNLOADED_RADIUS = 0.3135 m"),
         (changed(UNLOADED_RADIUS="0.538\nRIM_RADIUS = 0.2858"), "0.2804 m, is within RIM_RADIUS = 0.2858 m"),
         (changed(UNLOADED_RADIUS="0.538\nRIM_RADIUS = 0.25"), "0.2804 m, is nearer to RIM_RADIUS"),
         (changed(UNLOADED_RADIUS="0.3135\nRIM_RADIUS = 0.35"), "RIM_RADIUS = 0.35 m is not less than UNLOADED_RADIUS"),
@@ -364,7 +369,7 @@ def test_lines_without_an_equals_sign_are_said(tmp_path, line):
          "INFLPRES is 0.32 bar; 32 psi would be INFLPRES = 220.632 in the file's unit"),
         (changed(BELT_MASS="7.0", BELT_IYY="0.6", FREQ_LONG="80", FREQ_WINDUP="70", DAMP_LONG="0.04"),
          "BELT_MASS = 7, BELT_IYY = 0.6, FREQ_LONG = 80, FREQ_WINDUP = 70, DAMP_LONG = 0.04 are what tools write by"),
-        (changed(UNLOADED_RADIUS="0.3135\nRIM_RADIUS = 0.1905\nVERTICAL_STIFFNESS = 2.1e6"),
+        (with_stiffness(changed(UNLOADED_RADIUS="0.3135\nRIM_RADIUS = 0.1905"), "2.1e6"),
          "VERTICAL_STIFFNESS is 2.1e+06 N/m; a tire of this size and pressure has about 2.3e+05"),
     ],
 )  # fmt: skip
@@ -379,9 +384,8 @@ def test_doubts(tmp_path, text, words):
 
 
 def test_no_doubt_about_a_sound_file(tmp_path):
-    text = changed(UNLOADED_RADIUS="0.3135\nRIM_RADIUS = 0.1905\nVERTICAL_STIFFNESS = 209651").replace(
-        "MASS = 9.3", "MASS = 9.3\nIYY = 0.736"
-    )
+    text = with_stiffness(changed(UNLOADED_RADIUS="0.3135\nRIM_RADIUS = 0.1905"), 209651)
+    text = text.replace("MASS = 9.3", "MASS = 9.3\nIYY = 0.736")
     assert unit_from_tir(written(tmp_path, text), **GIVEN).doubts == ()
 
 
@@ -392,7 +396,7 @@ def test_a_ring_that_is_too_soft_bends_less(tmp_path):
     """The bending stiffness is raised until the ring carries VERTICAL_STIFFNESS, and 1 % more for a residual spring."""
     soft = unit_from_tir(written(tmp_path, KNOWN), **GIVEN).unit
     own = 1.0 / static_compliance(soft, 100)
-    text = changed(FREQ_LONG=f"77.17\nVERTICAL_STIFFNESS = {1.3 * own!r}")
+    text = with_stiffness(KNOWN, repr(1.3 * own))
     unit, sources, notes, *_ = unit_from_tir(written(tmp_path, text), **GIVEN)
     assert 1.0 / static_compliance(unit, 100) == pytest.approx(1.01 * 1.3 * own, rel=1e-9)  # brentq's
     assert unit.bending_stiffness > soft.bending_stiffness
@@ -406,7 +410,7 @@ def test_a_ring_that_is_too_soft_bends_less(tmp_path):
 
 
 def test_a_ring_that_is_stiff_enough_stays(tmp_path):
-    text = changed(FREQ_LONG="77.17\nVERTICAL_STIFFNESS = 100000")
+    text = with_stiffness(KNOWN, 100000)
     unit, sources, notes, *_ = unit_from_tir(written(tmp_path, text), **GIVEN)
     assert unit.bending_stiffness == unit_from_tir(written(tmp_path, KNOWN), **GIVEN).unit.bending_stiffness
     assert not any("stiffness" in note for note in notes)
@@ -414,10 +418,23 @@ def test_a_ring_that_is_stiff_enough_stays(tmp_path):
 
 def test_a_stiffness_that_no_ring_has_is_said(tmp_path):
     """The sidewall is in series: no ring is stiffer than k_1."""
-    text = changed(FREQ_LONG="77.17\nVERTICAL_STIFFNESS = 2e6")
+    text = with_stiffness(KNOWN, "2e6")
     unit, _, notes, *_ = unit_from_tir(written(tmp_path, text), **GIVEN)
     assert any("no bending stiffness mends that, for k_1 is 1.704e+06 N/m" in note for note in notes)
     assert getattr(unit, "vertical_stiffness", 0.0) == 0.0
+
+
+def test_a_stiffness_is_the_tires_only_in_its_own_section(tmp_path):
+    """[VERTICAL] of Magic Formula files, [PARAMETER] of Fiala's; that of a rim is neither read nor a second one."""
+    text = with_stiffness(KNOWN, 100000) + "[RIM]\nVERTICAL_STIFFNESS = 9e5\n"
+    both = unit_from_tir(written(tmp_path, text), **GIVEN)
+    assert both.unit.vertical_stiffness == 100000.0 and not any("not read" in note for note in both.notes)
+    fiala = unit_from_tir(written(tmp_path, text.replace("VERTICAL]", "PARAMETER]")), **GIVEN)
+    assert fiala.unit == both.unit
+    rim = unit_from_tir(written(tmp_path, KNOWN + "[RIM]\nVERTICAL_STIFFNESS = 9e5\n"), **GIVEN)
+    assert rim.unit.vertical_stiffness == 0.0
+    words = "VERTICAL_STIFFNESS in line 25 is in [RIM], and not read; the tire's is in [VERTICAL] or [PARAMETER]"
+    assert words in rim.notes
 
 
 # -- keys in place of the file's ----------------------------------------------------------------------------------
@@ -514,7 +531,6 @@ def test_any_bytes_give_a_unit_or_a_reason(tmp_path_factory, content):
         (changed(BELT_MASS="1e999"), "BELT_MASS is '1e999' in line 18; it must be from 0.05 to 5000 kg"),
         (changed(LENGTH="mm", BELT_IYY="0.5698"), "BELT_IYY is '0.5698' in line 19, 5.698e-07 kg m^2; it must be from"),
         (changed(BELT_IYY="569.8"), "(BELT_IYY/BELT_MASS), the radius, is 8.86711 m; it must be from 0.05 to 2.5 m"),
-        (changed(BELT_IYY="0.9"), "the radius, is 0.352405 m; it must be at most UNLOADED_RADIUS = 0.3135 m"),
         (changed(FREQ_LONG="0"), "FREQ_LONG (0 in line 21) is missing"),
         (changed(FREQ_WINDUP="1e5"), "FREQ_WINDUP is '1e5' in line 22; it must be from 1 to 1000 Hz"),
         (changed(FREQ_WINDUP="110"), "FREQ_WINDUP is 110 Hz; it must be less than sqrt(2) FREQ_LONG = 109.135 Hz"),
@@ -658,7 +674,7 @@ def test_force_replaces(tmp_path):
 
 def test_as_a_program(tmp_path):
     """The status and the one line, as a shell sees them."""
-    path = written(tmp_path, changed(BELT_IYY="0.9"))
+    path = written(tmp_path, changed(BELT_IYY="569.8"))
     command = [sys.executable, "-m", "tire_dynamics.cli.main", "import-tir", str(path), *OPTIONS]
     done = subprocess.run([*command, "-o", str(tmp_path / "unit.yaml")], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

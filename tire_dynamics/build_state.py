@@ -27,7 +27,9 @@ CORE = (
     "tire_dynamics.estimator.motion",
     "tire_dynamics.estimator.belt",
     "tire_dynamics.estimator.road_motion",
+    "tire_dynamics.estimator.load_kernel",
     "tire_dynamics.estimator.wheels",
+    "tire_dynamics.cdr.field_reader",
     "tire_dynamics.replay.stream",
 )
 

@@ -204,7 +204,8 @@ class _Zstd:
         if size > most:
             raise CompressionError("it holds more than it should")
         out = ctypes.create_string_buffer(max(most if size < 0 else size, 1))
-        return out.raw[: self.checked(self._decompress(out, len(out), data, length))]
+        written = self.checked(self._decompress(out, len(out), data, length))
+        return out.raw[:written]
 
     def stream(self) -> _ZstdLibraryStream:
         return _ZstdLibraryStream(self)
@@ -260,7 +261,8 @@ class _Lz4:
     def compress(self, data: bytes | bytearray) -> bytes:
         source = bytes(data)
         out = ctypes.create_string_buffer(self._bound(len(source), None))
-        return out.raw[: self._checked(self._compress(out, len(out), source, len(source), None))]
+        written = self._checked(self._compress(out, len(out), source, len(source), None))
+        return out.raw[:written]
 
     @contextmanager
     def _context(self) -> Any:

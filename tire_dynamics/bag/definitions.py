@@ -14,7 +14,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Final
 
-__all__ = ["HASHES", "declaration", "definition"]
+from ..cdr.definition import parse_definition
+
+__all__ = ["HASHES", "declaration", "definition", "known", "type_hash"]
 
 _FIELDS: Final = {
     "builtin_interfaces/msg/Time": """\
@@ -183,6 +185,27 @@ def declaration(msgtype: str) -> tuple[bytes, str] | None:
     if not re.fullmatch(r"\w+/msg/\w+", msgtype):
         return None
     return _of_ros(msgtype) or _of_rosbags(msgtype)
+
+
+def known(msgtype: str) -> str | None:
+    """The definition of a type that :func:`declaration` knows."""
+    declared = declaration(msgtype)
+    return None if declared is None else declared[0].decode()
+
+
+def type_hash(msgtype: str, text: str) -> str:
+    """The hash of a type's description (REP 2016), of its definition; "" if it cannot be made out."""
+    declared = declaration(msgtype)
+    try:
+        if declared and parse_definition(declared[0].decode(), msgtype) == parse_definition(text, msgtype):
+            return declared[1]
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+        store = get_typestore(Stores.EMPTY)
+        store.register(get_types_from_msg(text, msgtype))
+        return store.hash_rihs01(msgtype)
+    except Exception:  # whatever the library makes of a text that it cannot read, or that it is not there
+        return ""
 
 
 def _of_ros(msgtype: str) -> tuple[bytes, str] | None:

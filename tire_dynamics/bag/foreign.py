@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError
 from .compression import ZSTD_MAGIC, lz4_data
+from .fields import OTHER_FIELDS, has_other_fields
 from .files import Found
 from .record_types import DamageError
 from .records import DAMAGE, MAX_CHUNK, one_line, unpacked_message
@@ -28,6 +29,7 @@ Row = tuple[str, int, bytes]
 """Topic, log time [ns], serialised message (CDR)."""
 
 _NO_TIME = 2**63 - 1  # of a file without messages
+_MAX_DEFINITION = 2**20  # characters
 _MAX_TOPICS = 65_535  # as many as an MCAP file can have
 _MAX_ROS1_INDEX = 50_000_000  # messages; the library keeps the place of each in memory
 
@@ -62,6 +64,11 @@ class ForeignFile:
         self.metadata: dict[str, dict[str, str]] = {}
         self.chunks: Counter[str] = Counter()
         self.kept = 0
+        self._definitions: dict[str, str] = {}
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        return self._definitions.get(msgtype)
 
     def messages(self, topics: Collection[str] | None, in_file_order: bool) -> Iterator[Row]:
         """The messages of some topics, or all, by log time or as they were written.
@@ -109,11 +116,13 @@ class SqliteFile(ForeignFile):
                 self._check_table(database, name)
             columns = {row[1] for row in database.execute("PRAGMA table_info(topics)")}
             qos = "offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
+            others = self._types_with_other_fields(database)
             rows = database.execute(f"SELECT id, name, type, serialization_format, {qos} FROM topics ORDER BY id")
             for channel, *texts in rows:
                 if type(channel) is not int or not all(isinstance(text, str) for text in texts[:3]):
                     raise DamageError("its table of topics is not that of a bag")
-                self.channels[channel] = texts[0], texts[1], texts[2]
+                odd = texts[2] == "cdr" and texts[1] in others
+                self.channels[channel] = texts[0], texts[1], OTHER_FIELDS if odd else texts[2]
                 self.qos[channel] = texts[3] if isinstance(texts[3], str) else ""
                 self.counts[channel] = 0
                 if len(self.channels) > _MAX_TOPICS:
@@ -127,6 +136,7 @@ class SqliteFile(ForeignFile):
                 self.counts[channel] = count
                 self.count += count
                 self.start, self.end = min(self.start, first), max(self.end, last)
+            self._read_definitions(database)
         for ending in ("-wal", "-journal"):
             beside = self.path.with_name(self.path.name + ending)
             if beside.is_file() and beside.stat().st_size:
@@ -134,6 +144,16 @@ class SqliteFile(ForeignFile):
                     f"its recorder was stopped, and what is in {beside.name} is not read; "
                     f"sqlite3 {self.path.name} 'PRAGMA wal_checkpoint' puts it into the file"
                 )
+
+    def _types_with_other_fields(self, database: sqlite3.Connection) -> set[str]:
+        """The types whose definition here, which recorders since Iron write, is not that of ROS."""
+        name, columns = "message_definitions", ("topic_type", "encoding", "encoded_message_definition")
+        if not {row[1] for row in database.execute(f"PRAGMA table_info({name})")}.issuperset(columns):
+            return set()
+        self._check_table(database, name)
+        rows = database.execute(f"SELECT {', '.join(columns)} FROM {name} LIMIT 10000")
+        texts = [(kind, text) for kind, how, text in rows if how == "ros2msg" and isinstance(text, str)]
+        return {kind for kind, text in texts if isinstance(kind, str) and has_other_fields(kind, text)}
 
     def messages(self, topics: Collection[str] | None, in_file_order: bool) -> Iterator[Row]:
         """As of every file of a bag."""
@@ -148,6 +168,21 @@ class SqliteFile(ForeignFile):
                 if type(time) is not int or time < 0 or not isinstance(data, bytes):
                     raise DamageError("a message has no time or no content")
                 yield wanted[channel], time, unpacked_message(data) if data.startswith(ZSTD_MAGIC) else data
+
+    def _read_definitions(self, database: sqlite3.Connection) -> None:
+        """The definitions of messages, which recorders since Iron write."""
+        if database.execute("SELECT 1 FROM sqlite_master WHERE name = 'message_definitions'").fetchone() is None:
+            return
+        self._check_table(database, "message_definitions")
+        query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions LIMIT 10000"
+        for name, encoding, text in database.execute(query):
+            if (
+                encoding == "ros2msg"
+                and isinstance(name, str)
+                and isinstance(text, str)
+                and len(text) < _MAX_DEFINITION
+            ):
+                self._definitions.setdefault(name, text)
 
     @contextmanager
     def _reading(self) -> Iterator[sqlite3.Connection]:
@@ -208,6 +243,8 @@ class Ros1File(ForeignFile):
                 if (kind, definition) not in known:
                     known[kind, definition] = _has_layout(store, kind, definition)
                 topic = f"/{connection.topic.lstrip('/')}"
+                if known[kind, definition] and kind not in self._definitions:
+                    self._definitions[kind] = store.generate_msgdef(kind, ros_version=2)[0]
                 self.channels[connection.id] = topic, kind, "cdr" if known[kind, definition] else "ros1"
                 self.counts[connection.id] = told[connection.id]
                 latched = getattr(connection.ext, "latching", None)

@@ -27,6 +27,7 @@ from ..files.errors import InputError
 from .block import Block
 from .chunks import HEAD, heads_at
 from .clock import CLOCKS, on_clock
+from .fields import OTHER_FIELDS, has_other_fields
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
 from .record_types import MAGIC, Channel, Metadata, MetadataIndex, Opcode, Schema, Statistics
 from .records import (
@@ -185,6 +186,13 @@ class BagReader:
     def complete(self) -> bool:
         """Whether every file has its end."""
         return not self.damage
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a message type that the bag carries, as ``ros2msg`` has it; None if it carries none."""
+        for file in self._all:
+            if (text := file.definition(msgtype)) is not None:
+                return text
+        return None
 
     def rare(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time and content of the messages of a topic of few, in the order of the files.
@@ -440,10 +448,17 @@ class _BagFile:
         self.chunks: Counter[str] = Counter()  # by compression
         self.kept: int = 0  # bytes, about, of names, types and metadata
         self._schemas = {0: ""}
+        self._others: set[int] = set()  # schemas whose text is not that of their type
+        self._definitions: dict[str, bytes] = {}  # by type, those in ros2msg
         self._seen: dict[tuple[int, bytes], int] = {}  # schemas and channels: opcode and id to hash of the record
         # Log time of the first message, offset and length of each span, in the order of the file; plain
         # numbers, because an hour of driving has tens of thousands of spans.
         self.spans = array("Q")
+
+    def definition(self, msgtype: str) -> str | None:
+        """The definition of a type, if the file carries it."""
+        text = self._definitions.get(msgtype)
+        return None if text is None else text.decode("utf-8", "replace")
 
     def routes(self, wanted: Collection[str] | None, numbers: Mapping[str, int]) -> NDArray[np.int64]:
         """The number of the topic by channel; the last is for all channels beyond."""
@@ -491,11 +506,17 @@ class _BagFile:
             if name != schema.name:
                 raise DamageError(f"schema {schema.id} is declared twice, as {name[:100]} and {schema.name[:100]}")
             self._keep(len(name))
+            if schema.encoding == "ros2msg" and has_other_fields(name, schema.data.decode("utf-8", "replace")):
+                self._others.add(schema.id)
+            if schema.encoding == "ros2msg" and name not in self._definitions:
+                self._keep(len(schema.data))
+                self._definitions[name] = schema.data
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(content)
             if channel.schema_id not in self._schemas:
                 raise DamageError(f"{channel.topic[:100]} has no schema")
-            new = channel.topic, self._schemas[channel.schema_id], channel.message_encoding
+            odd = channel.message_encoding == "cdr" and channel.schema_id in self._others
+            new = channel.topic, self._schemas[channel.schema_id], OTHER_FIELDS if odd else channel.message_encoding
             old = self.channels.setdefault(channel.id, new)
             if old != new:
                 raise DamageError(f"channel {channel.id} is declared twice, as {old[0][:100]} and {new[0][:100]}")

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..files.errors import InputError
 from .chunks import ChunkWriter
-from .definitions import declaration
+from .definitions import declaration, type_hash
 from .reader import yaml_texts
 from .salvage import Declared
 
@@ -143,7 +143,7 @@ class BagWriter:
         """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
         return ChunkWriter(file, chunk_size, compression)
 
-    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data") -> int:
+    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data", definition: str | None = None) -> int:
         """Declare a topic.
 
         Parameters
@@ -154,6 +154,8 @@ class BagWriter:
             Such as "geometry_msgs/msg/WrenchStamped"; any message of the ROS that is there, or that rosbags knows.
         qos : str
             The profile it is offered with: "sensor_data" or "default".
+        definition : str, optional
+            Of a type that is not in the common interfaces, with those of all types in it.
 
         Returns
         -------
@@ -170,9 +172,11 @@ class BagWriter:
         if name in self._topics:
             raise ValueError(f"topic {name} is there already")
         declared = declaration(msgtype)
+        if definition is not None:
+            declared = definition.encode(), type_hash(msgtype, definition)
         if declared is None:
             raise InputError(f"{name}: message type {msgtype!r} is not known")
-        text, type_hash = declared
+        text, description_hash = declared
         if msgtype not in self._schemas:
             self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
         topic = {
@@ -180,7 +184,7 @@ class BagWriter:
             "type": msgtype,
             "serialization_format": "cdr",
             "offered_qos_profiles": [_QOS[qos]],
-            "type_description_hash": type_hash,
+            "type_description_hash": description_hash,
         }
         channel = {
             "offered_qos_profiles": _qos_text(qos),

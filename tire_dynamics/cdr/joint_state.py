@@ -68,22 +68,7 @@ class JointStateDecoder:
         self._known: tuple[str, bytes, int, tuple[str, ...]] = ("", b"", 0, ())
 
     def decode(self, data: bytes) -> JointState:
-        """Decode one message.
-
-        Parameters
-        ----------
-        data : bytes
-            The serialised message with its encapsulation header.
-
-        Returns
-        -------
-        JointState
-
-        Raises
-        ------
-        MessageError
-            If the bytes are not such a message.
-        """
+        """Decode one message; ``MessageError`` if the bytes are not such a message."""
         if len(data) > _MAX_JOINT_STATE:
             raise MessageError(f"{len(data)} bytes are more than the state of joints takes")
         order = byte_order(data)
@@ -105,20 +90,12 @@ class JointStateDecoder:
         NDArray[np.int64],
         list[tuple[NDArray[np.int64], tuple[str, ...], NDArray[np.float64], NDArray[np.float64] | None]],
     ]:
-        """Decode many messages.
-
-        Parameters
-        ----------
-        data : bytes
-        start, size : (N,) ndarray of int
-            Where in ``data`` the messages are.
+        """Decode many messages, as :func:`~tire_dynamics.cdr.wrench.decode_wrenches` does.
 
         Returns
         -------
-        valid : (N,) ndarray of bool
-            False where ``decode`` raises ``MessageError``.
-        stamp_ns : (N,) ndarray of int
-            0 where not valid.
+        valid, stamp_ns : (N,) ndarray
+            As there.
         groups : list of (indices, names, velocities, positions)
             The valid messages with the same names and the same number of velocities K, (n,) and (n, K), in order;
             the groups in the order of their first messages. Positions are (n, K) too, or None where they are not K.

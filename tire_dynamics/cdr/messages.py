@@ -33,7 +33,7 @@ from .scalars import (
     encode_string,
 )
 from .transforms import encode_static_transforms
-from .wrench import WrenchDecoder, WrenchEncoder, WrenchStamped, decode_wrench, decode_wrenches
+from .wrench import CovarianceEncoder, WrenchDecoder, WrenchEncoder, WrenchStamped, decode_wrench, decode_wrenches
 
 __all__ = [
     "CLOCK",
@@ -44,6 +44,7 @@ __all__ = [
     "STRING",
     "TF",
     "WRENCH_STAMPED",
+    "CovarianceEncoder",
     "DeflectionEncoder",
     "JointState",
     "JointStateDecoder",

@@ -1,4 +1,4 @@
-"""geometry_msgs/WrenchStamped."""
+"""geometry_msgs/WrenchStamped, and the covariance of a wrench as std_msgs/Float64MultiArray."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from .primitives import (
     MessageError,
     aligned,
     byte_order,
+    encoded_string,
     header_layout,
     header_of,
     sec_nanosec,
@@ -23,6 +24,7 @@ from .primitives import (
 )
 
 __all__ = [
+    "CovarianceEncoder",
     "WrenchDecoder",
     "WrenchEncoder",
     "WrenchStamped",
@@ -79,22 +81,7 @@ class WrenchDecoder:
         self._end = self._position = 0  # of frame_id; of the force, behind its padding
 
     def decode(self, data: bytes) -> WrenchStamped:
-        """Decode one message.
-
-        Parameters
-        ----------
-        data : bytes
-            The serialised message with its encapsulation header.
-
-        Returns
-        -------
-        WrenchStamped
-
-        Raises
-        ------
-        MessageError
-            If the bytes are not such a message.
-        """
+        """Decode one message; ``MessageError`` if the bytes are not such a message."""
         known = data[BODY + 8 : self._end] == self._frame and data[:BODY] == self._encapsulation
         if not known or len(data) < self._position + 48:
             return self._decode_anew(data)
@@ -170,3 +157,25 @@ class WrenchEncoder:
         x, z = np.broadcast_to(fx, count), np.broadcast_to(fz, count)
         columns = (*time_columns(stamps), (force, "<f8", x), (force + 16, "<f8", z))
         return encoded(self.encode(0, 0.0, 0.0), count, *columns)
+
+
+class CovarianceEncoder:
+    """Encodes the covariance of a wrench as std_msgs/Float64MultiArray, dims ``row`` (6) x ``column`` (6).
+
+    The order is that of ROS's covariances: force x y z, torque x y z.
+    """
+
+    def __init__(self) -> None:
+        body = struct.pack("<I", 2)
+        for label, size, stride in (("row", 6, 36), ("column", 6, 6)):
+            body += encoded_string(label, len(body))
+            body += bytes(-len(body) % 4) + struct.pack("<2I", size, stride)
+        body += struct.pack("<2I", 0, 36)  # data_offset; length of data
+        self._head = LITTLE_ENDIAN + body + bytes(-len(body) % 8)
+
+    def encode(self, covariance: ArrayLike) -> bytes:
+        """One message, of a covariance (6, 6) [N^2, N^2 m, N^2 m^2]."""
+        values = np.asarray(covariance, "<f8")
+        if values.shape != (6, 6):
+            raise ValueError(f"covariance: shape {values.shape}, must be (6, 6)")
+        return self._head + values.tobytes()

@@ -17,7 +17,7 @@ from ..bag.writer import check_replaceable, remove_bag
 from ..files.errors import InputError
 from ..files.progress import Progress
 from ..replay.jobs import Failure, workers
-from ..replay.parameters import read_config
+from ..replay.parameters import read_car, read_config, read_inputs
 from ..replay.replay import joints_of, remaps_of, replay
 from .answer import answer, printable
 
@@ -31,6 +31,8 @@ class _Task(NamedTuple):
     name: str
     staging: str
     config: str | None
+    inputs: str | None
+    vehicle: str | None
     remaps: dict[str, str]
     joints: dict[str, str]
     clock: str | None
@@ -50,30 +52,23 @@ class _Done(NamedTuple):
 def run(options: argparse.Namespace) -> int:
     """Replay every bag of ``options.input`` into the folder ``options.output``, and say which could not be.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As of ``tire-dynamics replay``.
-
-    Returns
-    -------
-    int
-        How many bags could not be replayed, or have a wheel without outputs; all others have been.
-
-    Raises
-    ------
-    InputError
-        Nothing has been replayed: two bags are one or have one name, an output exists, or an option is wrong.
+    How many bags could not be replayed, or have a wheel without outputs; all others have been. ``InputError``:
+    nothing has been replayed: two bags are one or have one name, an output exists, or an option is wrong.
     """
     directory = Path(options.output)
     outputs = _outputs(options.input, directory, force=options.force)
     if options.config:
         read_config(options.config)  # what is wrong with it is said once
+    if options.inputs:
+        read_inputs(options.inputs)
+    if options.vehicle:
+        read_car(options.vehicle)
     remaps, joints = remaps_of(options.remap), joints_of(options.joint)
     with workers(options.jobs, options.scheduler) as pool, _staging(directory) as staging:
-        config = os.path.abspath(options.config) if options.config else None
+        files = (options.config, options.inputs, options.vehicle)
+        config, inputs, vehicle = (os.path.abspath(path) if path else None for path in files)
         tasks = [
-            _Task(os.path.abspath(source), output.name, staging, config, remaps, joints, options.clock)
+            _Task(os.path.abspath(source), output.name, staging, config, inputs, vehicle, remaps, joints, options.clock)
             for source, output in outputs
         ]
         with closing(pool.each(_replay_one, tasks)) as results:
@@ -132,6 +127,8 @@ def _replay_one(task: _Task) -> _Done:
         task.source,
         Path(own) / task.name,
         config=task.config,
+        inputs=task.inputs,
+        vehicle=task.vehicle,
         quiet=True,
         remaps=task.remaps,
         joints=task.joints,

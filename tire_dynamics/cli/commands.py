@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from .node import NODE_EXAMPLES
-from .options import A_BAG, add_clock, add_joint, add_output, add_remap
+from .options import A_BAG, add_clock, add_inputs, add_joint, add_output, add_remap
 from .usage import Commands
 
 __all__ = ["all_commands"]
@@ -81,6 +81,7 @@ def _declare(commands: Commands) -> None:
         ),
     )
     command.add_argument("input", metavar="BAG", help=A_BAG)
+    add_inputs(command)
     add_remap(command)
     add_clock(command)
     answer.add_arguments(command, quiet=False)
@@ -98,6 +99,8 @@ def _declare(commands: Commands) -> None:
             ("replay drive -o drive_log --config config/vehicle.yaml --force", "with these tires, over the last try"),
             ("replay monday/* -o logs --jobs 4", "many bags in four processes"),
             ("replay drive -o out --remap front_left/load:=/fl/force_torque", "where topics are named otherwise"),
+            ("replay drive -o out --inputs config/inputs/av21.yaml", "where messages are others"),
+            ("replay drive -o out --vehicle config/car.yaml", "without loads: they are estimated"),
         ),
     )
     replay.add_arguments(command)
@@ -114,6 +117,7 @@ def _declare(commands: Commands) -> None:
         ),
     )
     report.add_arguments(command)
+    add_inputs(command)
     add_remap(command)
     add_clock(command)
     answer.add_arguments(command)

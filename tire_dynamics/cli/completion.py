@@ -10,7 +10,8 @@ from .usage import Commands
 __all__ = ["SHELLS", "add_arguments", "run"]
 
 SHELLS = ("bash", "zsh", "fish")
-_FILES = ("BAG", "CSV", "DIR", "FILE", "HTML", "IN", "OUT", "PNG", "TIR", "YAML")  # what stands for a file or a folder
+# what stands for a file or a folder
+_FILES = ("BAG", "CSV", "DIR", "FILE", "HTML", "IN", "MEASURED", "MODEL", "OUT", "PNG", "TIR", "YAML")
 
 
 def add_arguments(command: argparse.ArgumentParser) -> None:

@@ -77,7 +77,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a force, up positive, or with m/s^2 and g an acceleration: the load is estimated as corner mass times "
         "|acceleration|, gravity included; default: what the header says, else N",
     )
-    load.add_argument("--corner-mass", metavar="KG", type=float, help="[kg], to estimate N from an acceleration")
+    load.add_argument(
+        "--corner-mass",
+        metavar="KG",
+        type=float,
+        help="[kg], to estimate N from an acceleration; where the loads are forces, to compare them with its weight",
+    )
     load.add_argument("--load-time-column", metavar="COLUMN", help="times of this file, if not --time-column")
     time = parser.add_argument_group("time")
     time.add_argument(
@@ -103,20 +108,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Do the import that the options ask for, and say on standard error what was made and what was left out.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        If the options contradict each other, a file or column cannot be used, or the output exists.
+    ``InputError``: if the options contradict each other, a file or column cannot be used, or the output exists.
     """
     _check_forces(options)
     speed_columns = _speed_columns(options.speed_columns)
@@ -307,12 +299,13 @@ def _formulas(options: argparse.Namespace, speed_unit: str, load_unit: str) -> t
     """What is done to speeds and loads, in words; ``InputError`` if the options do not fit together."""
     radius, mass = options.rolling_radius, options.corner_mass
     _check_factor(radius, "--rolling-radius", "speed", speed_unit, _ROLLING)
-    _check_factor(mass, "--corner-mass", "load", load_unit, _ACCELERATIONS)
+    if load_unit in _ACCELERATIONS:  # beside forces, it is only what they are compared with
+        _check_factor(mass, "--corner-mass", "load", load_unit, _ACCELERATIONS)
     if radius is not None:
         speed = f"speed [{speed_unit}]{_ROLLING[speed_unit][1]} / {radius:g} m, the rolling radius"
     else:
         speed = f"speed [{speed_unit}]{_TURNING[speed_unit][1]}"
-    if mass is not None:
+    if load_unit in _ACCELERATIONS:
         acceleration = f"|acceleration [{load_unit}]|{_ACCELERATIONS[load_unit][1]}"
         load = f"{mass:g} kg * {acceleration}, an estimate from the mass that the corner carries"
     else:

@@ -19,7 +19,7 @@ __all__ = ["FIGURES", "add_arguments", "figures", "run"]
 FIGURES = (
     *("fig3", "fig4", "fig5", "fig6", "fig7a", "fig7b"),
     *("fig6_damping", "fig7_damping", "campbell", "multipliers", "tongues"),
-    *("load_or_road", "cleat", "force_variation"),
+    *("load_or_road", "cleat", "force_variation", "measured_tire"),
 )
 
 
@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Redraws Figures 3 to 7 of Huang and Hsu (1992) from Table 1, and draws the same with dashpots that react "
         "on the wheel, a Campbell diagram, the Floquet multipliers, the tongues of a sidewall that is not uniform, "
-        "and a tire on the road, each as PNG, with its numbers beside it as CSV."
+        "a tire on the road and one that was measured, each as PNG, with its numbers beside it as CSV."
     )
     parser.add_argument("-o", "--output", metavar="DIR", required=True, help="the folder to write into")
     parser.add_argument("--force", action="store_true", help="write into DIR even if it holds something")
@@ -43,20 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw the figures that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        As ``figures`` does.
+    ``InputError``: as ``figures`` does.
     """
     pictures = figures(options.output, force=options.force, quiet=options.quiet)
     made = [{"picture": str(picture), "numbers": str(picture.with_suffix(".csv"))} for picture in pictures]

@@ -254,7 +254,10 @@ def read(reader: BagReader, how: Plan, options: argparse.Namespace) -> tuple[Rec
         known = ", ".join(sorted(wrenches)) or "none"
         raise InputError(f"{reader.path}: {topic} {what}; topics of {messages.WRENCH_STAMPED}: {known}")
     if how.values["load_source"] == "road":
-        raise InputError(f"{reader.path}: its tires stand on a road; identify takes bags whose loads were measured")
+        raise InputError(
+            f"{reader.path}: its tires stand on a road, and their loads are the model's own answer; "
+            "identify takes bags whose loads were measured"
+        )
     names = {how.names[f"{wheel}/{name}"]: name for name in ("wheel_speed", "load", "load_force")}
     names |= {how.names["joint_states"]: "joint_states", topic: "measured"}
     joint = how.values["joint_names"][wheels.index(wheel)]

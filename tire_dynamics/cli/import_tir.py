@@ -72,20 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the unit that the options ask for, and say what was taken and what assumed.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        The file cannot be used, an option is wrong, or YAML exists already.
+    ``InputError``: the file cannot be used, an option is wrong, or YAML exists already.
     """
     from ..files.tir_unit import unit_from_tir
 

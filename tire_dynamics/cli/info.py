@@ -19,9 +19,10 @@ from ..bag import BagReader
 from ..bag.files import MCAP
 from ..bag.writer import offered_qos
 from ..files.errors import InputError
+from ..replay.input_map import mapped_types
 from ..replay.parameters import complete
-from ..replay.pipeline import is_input
-from ..replay.replay import check, joints_of, log_record, log_topic, plan, remaps_of
+from ..replay.pipeline import fixed_inputs
+from ..replay.replay import check, joints_of, log_record, log_topic, pipeline_of, plan, remaps_of
 from .answer import plain, printable
 
 __all__ = ["info", "run"]
@@ -35,6 +36,7 @@ def info(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     clock: str | None = None,
+    inputs: str | PathLike[str] | None = None,
 ) -> dict[str, Any]:
     """What is in a bag, as JSON has it.
 
@@ -42,7 +44,7 @@ def info(
     ----------
     path : path
         A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
-    remaps, joints, clock
+    remaps, joints, clock, inputs
         As :func:`~tire_dynamics.replay.replay.replay` takes them.
 
     Returns
@@ -94,7 +96,7 @@ def info(
         "log": _log(reader),
         "damage": reader.damage or None,
         "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if recoverable else None,
-        "replay": _replay(reader, remaps or {}, joints or {}),
+        "replay": _replay(reader, remaps or {}, joints or {}, inputs),
     }
 
 
@@ -141,20 +143,24 @@ def _log(reader: BagReader) -> dict[str, Any] | None:
     }
 
 
-def _replay(reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str]) -> dict[str, Any]:
+def _replay(
+    reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str], inputs: str | PathLike[str] | None
+) -> dict[str, Any]:
     """Whether it can be replayed as it is."""
     try:
-        how = plan(reader, remaps=remaps, joints=joints)
+        how = plan(reader, remaps=remaps, joints=joints, inputs=inputs)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    inputs = {topic: name for topic, name in how.names.items() if name in reader.topics and is_input(topic)}
-    if not any(reader.counts[name] != 0 for name in inputs.values()):
+    wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}
+    found = {topic: name for topic, name in how.names.items() if name in reader.topics and topic in wanted}
+    if not any(reader.counts[name] != 0 for name in found.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
+        pipeline_of(reader, how)
         without = check(reader, how) if how.log is None else {}
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    return {"possible": True, "wheels": how.values["wheels"], "inputs": inputs, "without": without}
+    return {"possible": True, "wheels": how.values["wheels"], "inputs": found, "without": without}
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:
@@ -172,7 +178,7 @@ def run(options: argparse.Namespace) -> int:
     int
         Exit status 0, also for a bag that is damaged or cannot be replayed: that is an answer.
     """
-    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock)
+    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock, options.inputs)
     if options.json:
         print(json.dumps(plain(content), indent=2, allow_nan=False))
         return 0

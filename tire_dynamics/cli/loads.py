@@ -68,21 +68,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Estimate the loads of a recording, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        There is no such folder or nothing usable in it, the vehicle is not known, matplotlib is missing, or there is an
-        output already.
+    ``InputError``: there is no such folder or nothing usable in it, the vehicle is not known, matplotlib is missing,
+    or there is an output already.
     """
     from ..estimator.load_estimate import estimate_loads
 

@@ -82,20 +82,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw the map that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option is wrong, matplotlib or Dask is missing, a file exists already, or a process that computes ends.
+    ``InputError``: an option is wrong, matplotlib or Dask is missing, a file exists already, or a process that
+    computes ends.
     """
     picture = _outputs(options.output, force=options.force)[0]
     request = request_of(options)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-__all__ = ["A_BAG", "add_clock", "add_config", "add_joint", "add_output", "add_remap"]
+__all__ = ["A_BAG", "add_clock", "add_config", "add_inputs", "add_joint", "add_output", "add_remap"]
 
 A_BAG = "a rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file"  # in help
 
@@ -17,6 +17,13 @@ def add_output(command: argparse.ArgumentParser, help: str) -> None:
 def add_config(command: argparse.ArgumentParser, help: str) -> None:
     """``--config``: parameters of the node, or a unit."""
     command.add_argument("--config", metavar="YAML", help=help)
+
+
+def add_inputs(command: argparse.ArgumentParser) -> None:
+    """``--inputs``: a field map."""
+    command.add_argument(
+        "--inputs", metavar="YAML", help="a field map: which field of which message is which input; see config/inputs"
+    )
 
 
 def add_remap(command: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import sys
 
 from ..replay import jobs
 from .answer import answer, one_line
-from .options import A_BAG, add_clock, add_config, add_output, add_remap
+from .options import A_BAG, add_clock, add_config, add_inputs, add_output, add_remap
 from .usage import UNUSABLE
 
 __all__ = ["add_arguments", "run"]
@@ -19,6 +19,8 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_output(command, "the rosbag2 folder to write")
     add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
+    add_inputs(command)
+    command.add_argument("--vehicle", metavar="YAML", help="a car, whose loads are estimated; see config/car.yaml")
     add_remap(command)
     add_clock(command)
     jobs.add_arguments(command, "the bags")
@@ -40,6 +42,8 @@ def run(options: argparse.Namespace) -> int:
         source,
         options.output,
         config=options.config,
+        inputs=options.inputs,
+        vehicle=options.vehicle,
         force=options.force,
         quiet=options.quiet,
         remaps=remaps_of(options.remap),

@@ -22,13 +22,7 @@ SAMPLES = 500  # of the tire, if nobody says how many: a second of work
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the command's options.
-
-    Parameters
-    ----------
-    parser : argparse.ArgumentParser
-        Its namespace is what ``run`` takes.
-    """
+    """Declare the command's options."""
     from . import uncertainty
 
     parser.description = (
@@ -52,20 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the page that the options ask for, and say on standard error what was made.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        As :func:`report` does.
+    ``InputError``: as :func:`report` does.
     """
     from ..replay.replay import joints_of, remaps_of
     from .answer import answer
@@ -83,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
         remaps=remaps_of(options.remap),
         joints=joints_of(options.joint),
         clock=options.clock,
+        inputs=options.inputs,
         quiet=quiet,
     )
     size = Path(options.output).stat().st_size
@@ -104,6 +86,7 @@ def report(
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     clock: str | None = None,
+    inputs: str | os.PathLike[str] | None = None,
     quiet: bool = False,
 ) -> str:
     """Write the page about a bag.
@@ -129,7 +112,7 @@ def report(
         Replace a page that exists.
     remaps : mapping, optional
         Topics of the bag by the inputs that they are to be, for a replay; with them a log is replayed as well.
-    joints, clock
+    joints, clock, inputs
         As :func:`~tire_dynamics.replay.replay.replay` takes them; with them, too, a log is replayed.
     quiet : bool
         Show no progress, not even on a terminal.
@@ -164,12 +147,16 @@ def report(
     from ..report import gather, page, theory
 
     with TemporaryDirectory(prefix="tire_dynamics_") as folder:
-        replayed = config is not None or bool(remaps or joints or clock) or not gather.has_outputs(bag)
+        replayed = config is not None or bool(remaps or joints or clock or inputs) or not gather.has_outputs(bag)
         if replayed:
             log = Path(folder) / "replay"
-            replay(bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock)
+            replay(
+                bag.path, log, config=config, quiet=quiet, remaps=remaps, joints=joints, clock=clock, inputs=inputs
+            )
             reader = BagReader(log)
         drive = gather.gather(reader, bag, replayed=replayed, quiet=quiet)
+    if uncertain and drive.on_road:
+        raise InputError(f"{bag.path}: its tires stand on a road; errors of parameters are for tires under given loads")
     known = None
     if uncertain:
         beside = None if config is None else uncertainty.errors_file(Path(config))

@@ -58,20 +58,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compute, draw and write what the options ask for.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option is wrong, matplotlib is missing, a file exists already, or the response is not finite.
+    ``InputError``: an option is wrong, matplotlib is missing, a file exists already, or the response is not finite.
     """
     if options.output is None and not options.json:
         raise InputError("needs -o PNG or --json; such as tire-dynamics response --speed-rpm 0 2000 -o bode.png")

@@ -87,20 +87,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Make the bag that the options ask for, and say on standard error what is in it.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it, and that of ``answer``.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        An option or a file cannot be used, or the output exists.
+    ``InputError``: an option or a file cannot be used, or the output exists.
     """
     import numpy as np
 

@@ -47,7 +47,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the stability; exit status 0."""
-    from ..estimator.vehicle import stability_reply
+    from ..estimator.vehicle import modes_on_the_road, stability_reply
     from ..replay.parameters import complete, read_config, unit_of
 
     if not abs(options.speed_rpm) <= _MAX_RPM:
@@ -56,20 +56,16 @@ def run(options: argparse.Namespace) -> int:
     try:
         speed = options.speed_rpm * math.pi / 30.0
         unit = unit_of(values)
-        varying = bool(unit.radial_nonuniformity or unit.tangential_nonuniformity)
-        most = 100 if options.contact and not varying else _MOST_MODES
-        n_max = options.n_max if options.n_max is not None else (5 if varying else 30) if options.contact else 1
+        most = 100 if options.contact and modes_on_the_road(unit, 100) == 100 else _MOST_MODES
+        usual = modes_on_the_road(unit, 30) if options.contact else 1
+        n_max = usual if options.n_max is None else options.n_max
         if not 1 <= n_max <= most:
             raise InputError(f"--n-max is {n_max}; it must be from 1 to {most}")
         if options.contact and options.samples is not None:
             raise InputError("--samples is for the tire under a given load; leave --contact out")
         if options.contact and options.tongues:
             raise InputError("--tongues is for the tire under a given load; leave --contact out")
-        reply = (
-            _on_the_road(unit, speed, values["model"], n_max)
-            if options.contact
-            else stability_reply("wheel", unit, speed, values["model"], n_max)
-        )
+        reply = stability_reply("wheel", unit, speed, values["model"], n_max, options.contact)
         if options.tongues:
             reply["tongues"] = _tongues(unit, values["model"])
     except (ArithmeticError, ValueError) as error:
@@ -100,24 +96,3 @@ def _tongues(unit: TireWheelUnit, model: Any) -> list[dict[str, Any]]:
         })  # fmt: skip
     return found
 
-
-def _on_the_road(unit: TireWheelUnit, speed: float, model: Any, n_max: int) -> dict[str, Any]:
-    """The stability reply of a tire on the road."""
-    from ..science import wheel
-
-    result = wheel.stability(unit, speed, model, contact=True, n_max=n_max)
-    pairs = {
-        name: None if values is None else [[value.real, value.imag] for value in values.tolist()]
-        for name, values in (("multipliers", result.multipliers), ("exponents_1_s", result.exponents))
-    }
-    return {
-        "wheel": "wheel",
-        "state": "on the road",
-        "n_max": n_max,
-        "speed_rad_s": speed,
-        "period_s": result.period,
-        "verdict": result.verdict,
-        "spectral_radius": result.spectral_radius,
-        **pairs,
-        "critical_speed_rad_s": wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max),
-    }

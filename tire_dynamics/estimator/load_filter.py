@@ -12,7 +12,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from .load_kernel import CarFilter, SensorNoise
+from .load_equations import SensorNoise
+from .load_kernel import CarFilter
 from .vehicle_parameters import VehicleParameters
 
 __all__ = ["SOURCES", "LoadFilter", "SensorNoise"]
@@ -268,8 +269,7 @@ class LoadFilter:
         count = -(-length // STEP)
         step = length / count * 1e-9
         measured, weighs = self._in_use(_IMU, end), self._in_use(_TRAVEL, end)
-        for _ in range(count):
-            car.predict(step, measured, weighs)
+        car.predict(step, count, measured, weighs)
 
     def _take_speed(self, stamp: int, values: tuple[float, ...]) -> None:
         """The car's speed; where there is no IMU, also what its change and the difference of the rear wheels tell."""
@@ -277,8 +277,8 @@ class LoadFilter:
         total = 0.0
         for value in known:
             total += value
-        car = self._car
-        speed = total / len(known) * car.radius
+        car, radius = self._car, self.vehicle.rolling_radius
+        speed = total / len(known) * radius
         car.set_speed(abs(speed))
         if self._in_use(_IMU, stamp):
             self._speed = None
@@ -291,7 +291,7 @@ class LoadFilter:
             return
         self._speed = stamp, speed
         along = (speed - then) / ((stamp - before) * 1e-9)
-        across = speed * (values[3] - values[2]) * car.radius / car.rear_track
+        across = speed * (values[3] - values[2]) * radius / self.vehicle.tracks[1]
         car.take_force(along, across)
 
     def _forget(self, stamp: int) -> None:
@@ -388,6 +388,15 @@ class LoadFilter:
     def mass_error(self) -> tuple[float, float]:
         """By how much the sprung mass seems to exceed what was told, over the mass, and the standard deviation."""
         return self._car.mass_error()
+
+    @property
+    def consistency(self) -> dict[str, float]:
+        """Mean of each source's squared normalised innovations, over some ten seconds.
+
+        1 where the equations and the noise are what they were told to be; NaN of a source that told nothing. Wheel
+        speeds tell something where there is no IMU.
+        """
+        return dict(zip(SOURCES, self._car.consistency(), strict=True))
 
     @property
     def roughness(self) -> float:

@@ -1,110 +1,156 @@
-"""The arithmetic of the load estimate: a car's equations of motion and the Kalman filter over them.
+# cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+"""The arithmetic of the load estimate: the Kalman filter over a car's equations of motion.
 
 Everything that later results depend on is one array of numbers, :attr:`CarFilter.buffer`; its copy is the filter's
-whole state. Every sum is taken in one order, over an axis that is not the last, and nothing calls LAPACK, BLAS or the C
-library's exponential: the same calls give the same bits on every machine.
+whole state. Every sum is taken in one order, and nothing calls LAPACK, BLAS or the C library's exponential: the same
+calls give the same bits on every machine. Where this file runs interpreted the products of matrices are NumPy's, which
+adds in the same order.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .vehicle_parameters import GRAVITY, VehicleParameters
+from .load_equations import CarEquations, SensorNoise
+from .vehicle_parameters import VehicleParameters
 
-__all__ = ["CarFilter", "SensorNoise"]
+try:
+    import cython
+except ImportError:
+    from ..science import cython_stand_in as cython
+if cython.compiled:
+    from cython.cimports.libc.math import sqrt
+else:
+    from math import sqrt
+
+__all__ = ["CarFilter"]
 
 FloatArray = NDArray[np.float64]
 
-# The state: way of each spring, deflection of each tire (from rest, compression positive), velocities of the body
-# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative error of the
-# mass, and how much of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
-TRAVEL, TIRE, BODY, WHEEL = slice(0, 4), slice(4, 8), slice(8, 11), slice(11, 15)
-VELOCITY: Final = slice(8, 15)
-HEAVE, ROLL, PITCH, ALONG, ACROSS = 8, 9, 10, 15, 16
-BIAS_Z, BIAS_ROLL, BIAS_PITCH, BIAS_X, BIAS_Y, MASS, TIP = 17, 18, 19, 20, 21, 22, 23
-SIZE, MOVING = 24, 17  # states, and those that change but by noise
+# places in the state, as load_equations has them
+_N = cython.declare(cython.Py_ssize_t, 24)
+_M = cython.declare(cython.Py_ssize_t, 17)  # those that change but by noise
+_TIRE = cython.declare(cython.Py_ssize_t, 4)
+_VELOCITY = cython.declare(cython.Py_ssize_t, 8)
+_ROLL = cython.declare(cython.Py_ssize_t, 9)
+_PITCH = cython.declare(cython.Py_ssize_t, 10)
+_WHEEL = cython.declare(cython.Py_ssize_t, 11)
+_ALONG = cython.declare(cython.Py_ssize_t, 15)
+_ACROSS = cython.declare(cython.Py_ssize_t, 16)
+_BIAS_Z = cython.declare(cython.Py_ssize_t, 17)
+_BIAS_Y = cython.declare(cython.Py_ssize_t, 21)
+_MASS = cython.declare(cython.Py_ssize_t, 22)
+_TIP = cython.declare(cython.Py_ssize_t, 23)
 
-START: Final = (
-    *([0.01] * 4 + [0.005] * 4),  # [m] each tire's load within some 1 kN
-    *([0.1] * 3 + [0.1] * 4),  # [m/s, rad/s]
-    *([3.0] * 2),  # [m/s^2] a slope, a curve, the brake
-)
-MANOEUVRE_TIME: Final = 3.0  # how long a specific force lasts [s]
-MANOEUVRE: Final = 2.0  # its intensity while nothing measures it [m/s^2 per sqrt s]: it stays within some 2.4 m/s^2
-ROUGHNESS: Final = 32e-6  # Gd(0.1 cycles/m) before anything is learnt: an ISO 8608 road between A and B [m^3]
-LEAST_ROUGHNESS, MOST_ROUGHNESS = 1e-8, 1e-2
-ALIKE: Final = 0.5  # correlation of the road under left and right wheels
-CREEP: Final = 0.05  # a car that stands may still be loaded: as much as at this speed [m/s]
-USUAL_SPEED: Final = 15.0  # where nothing tells the speed [m/s]
-LEARNING_TIME: Final = 10.0  # within which roughness and intensity of manoeuvres are forgotten [s]
-MASS_DRIFT: Final = 2.5e-3  # so that the springs' ways, whose rates are told, do not settle the mass [1 per sqrt s]
-UNMODELLED: Final = 0.0045  # of the load at rest, one standard deviation: what the equations do not have
-BALANCE: Final = 60.0  # below which the wheels' momentum is balanced [rad/s]
-OUTLIER: Final = 9.0  # a squared normalised innovation beyond is taken as this one when the roughness is learnt
-
-
-@dataclass(frozen=True)
-class SensorNoise:
-    """Errors of the sensors, as one standard deviation of a sample.
-
-    Parameters
-    ----------
-    acceleration, angular_rate : float
-        White noise of the IMU [m/s^2, rad/s].
-    acceleration_bias, angular_rate_bias : float
-        What its constant errors may be [m/s^2, rad/s].
-    travel : float
-        [m]
-    hub_acceleration : float
-        [m/s^2]
-    speed_slope : float
-        How far the specific force may be from what wheel speeds say: slope and bank of the road [m/s^2]. Used only
-        while there is no IMU.
-    mass : float
-        How far off the sprung mass may be, over the mass.
-    tip : float
-        How far the body's weight may be from having no lever as it rolls and pitches; a real one has all of it, 1.
-
-    Raises
-    ------
-    ValueError
-        One is not a number above 0.
-    """
-
-    acceleration: float = 0.08
-    angular_rate: float = 0.0024
-    acceleration_bias: float = 0.05
-    angular_rate_bias: float = 0.002
-    travel: float = 0.3e-3
-    hub_acceleration: float = 0.3
-    speed_slope: float = 0.5
-    mass: float = 0.03
-    tip: float = 0.5
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not 1e-9 <= value <= 1e3:
-                raise ValueError(f"{name} is {value!r}; it must be a number from 1e-9 to 1000")
+_GRAVITY = cython.declare(cython.double, 9.80665)
+_MANOEUVRE = cython.declare(cython.double, 2.0)  # intensity while nothing measures it [m/s^2 per sqrt s]: it stays
+# within some 2.4 m/s^2
+_ROUGHNESS = cython.declare(cython.double, 32e-6)  # Gd(0.1 cycles/m) before anything is learnt: between A and B [m^3]
+_LEAST_ROUGHNESS = cython.declare(cython.double, 1e-8)
+_MOST_ROUGHNESS = cython.declare(cython.double, 1e-2)
+_EXCITES = cython.declare(cython.double, 2.0 * (math.pi * 0.1) ** 2)  # of the road: intensity per roughness and speed
+_CREEP = cython.declare(cython.double, 0.05)  # a car that stands may still be loaded: as much as at this speed [m/s]
+_USUAL_SPEED = cython.declare(cython.double, 15.0)  # where nothing tells the speed [m/s]
+_LEARNING_TIME = cython.declare(cython.double, 10.0)  # within which what was learnt is forgotten [s]
+_MASS_DRIFT = cython.declare(cython.double, 2.5e-3)  # so that the springs' ways, whose rates are told, do not settle
+# the mass [1 per sqrt s]
+_LOOSE = cython.declare(cython.double, 4.0)  # an acceleration of the body is as doubtful as its mass: white noise of
+# that share of it over this time [s]
+_BALANCE = cython.declare(cython.double, 60.0)  # below which the wheels' momentum is balanced [rad/s]
+_OUTLIER = cython.declare(cython.double, 9.0)  # a squared normalised innovation beyond is taken as this one when the
+# roughness is learnt
+_HALF_LINE = cython.declare(cython.double, 2.0 / math.pi)
+_MOST = cython.declare(cython.Py_ssize_t, 5)  # measurements at once
 
 
-def _sum(terms: FloatArray) -> FloatArray:
-    """Over the first axis, one after the other."""
-    total: FloatArray = np.add.reduce(terms, axis=0)
-    return total
-
-
-def _decay(exponent: float) -> float:
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _decay(exponent: cython.double) -> cython.double:
     """exp(-exponent) within 1e-6 for exponents up to 0.3, without the C library."""
-    even, odd = 1.0 + exponent * exponent / 12.0, exponent / 2.0
+    even: cython.double = 1.0 + exponent * exponent / 12.0
+    odd: cython.double = exponent / 2.0
     return (even - odd) / (even + odd)
 
 
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _product(
+    out: cython.double[::1],
+    left: cython.double[::1],
+    along: cython.Py_ssize_t,
+    down: cython.Py_ssize_t,
+    right: cython.double[::1],
+    inner: cython.Py_ssize_t,
+    rows: cython.Py_ssize_t,
+    columns: cython.Py_ssize_t,
+) -> cython.void:
+    """out_ij = sum_k left[k along + i down] right_kj, over k in its order; rows of ``out`` and ``right`` are whole."""
+    if cython.compiled:
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        factor: cython.double
+        for i in range(rows):
+            factor = left[i * down]
+            for j in range(columns):
+                out[i * columns + j] = factor * right[j]
+            for k in range(1, inner):
+                factor = left[k * along + i * down]
+                for j in range(columns):
+                    out[i * columns + j] += factor * right[k * columns + j]
+    elif rows * columns < 8:  # one behind the other, where NumPy would add in pairs
+        for i in range(rows):
+            for j in range(columns):
+                total = left[i * down] * right[j]
+                for k in range(1, inner):
+                    total += left[k * along + i * down] * right[k * columns + j]
+                out[i * columns + j] = total
+    else:
+        places = np.arange(inner)[:, None] * along + np.arange(rows) * down
+        factors = np.asarray(left)[places]
+        terms = factors[:, :, None] * np.asarray(right)[: inner * columns].reshape(inner, 1, columns)
+        np.add.reduce(terms, axis=0, out=np.asarray(out)[: rows * columns].reshape(rows, columns))
+
+
+@cython.cfunc
+@cython.nogil
+@cython.exceptval(check=False)
+def _carry(p: cython.double[::1], left: cython.double[::1], both: cython.double[::1]) -> cython.void:
+    """P of (1 + F) P (1 + F'), with F P and F P F' given; both its halves the same."""
+    if cython.compiled:
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        for i in range(_M):
+            for j in range(_N):
+                p[i * _N + j] += left[i * _N + j]
+        for i in range(_M):
+            for j in range(_N):
+                p[j * _N + i] += left[i * _N + j]
+        for i in range(_M):
+            for j in range(_M):
+                p[i * _N + j] += both[i * _M + j]
+        for i in range(_N):
+            for j in range(i):  # what rounding makes of the two would grow apart
+                p[i * _N + j] = (p[i * _N + j] + p[j * _N + i]) * 0.5
+                p[j * _N + i] = p[i * _N + j]
+    else:
+        matrix, change = np.asarray(p).reshape(_N, _N), np.asarray(left).reshape(_M, _N)
+        matrix[:_M] += change
+        matrix[:, :_M] += change.T
+        matrix[:_M, :_M] += np.asarray(both).reshape(_M, _M)
+        matrix += matrix.T
+        matrix *= 0.5
+
+
+@cython.cclass
 class CarFilter:
     """One Kalman filter over heave, pitch, roll and four wheels on a road that is integrated white noise.
 
@@ -113,347 +159,476 @@ class CarFilter:
     vehicle : VehicleParameters
     noise : SensorNoise
 
+    Attributes
+    ----------
+    buffer : ndarray
+        The whole state.
+
     Notes
     -----
-    Ways and loads are counted from rest, so that gravity is left out; i is the wheel, at (x_i, y_i) from the centre of
-    gravity. With q the ways of the springs and d the deflections of the tires:
-
-    - q_i' = u_i - (v_z + y_i p - x_i w), d_i' = s_i' - u_i; the road's s_i' is white, 2 (pi n_0)^2 Gd(n_0) v per unit
-      of time (ISO 8608, waviness 2), correlated left to right; over the wheelbase its warp is forgotten.
-    - F'_i = k_i q_i + c_i(q_i') q_i' + bar; m v_z' = sum F'_i; I_x p' = sum y_i F'_i + m (h - h_r) a_y;
-      I_y w' = -sum x_i F'_i - m h a_x; m_i u_i' = k_t d_i - F'_i - G_i, with G_i what passes the springs.
-    - The load is F_i = F_i0 + k_t d_i. What updates add to a wheel's momentum was load as well; below ``BALANCE`` it is
-      counted as such, and its variance with it. It does not depend on the present error, as innovations are white.
+    The equations are those of :class:`.load_equations.CarEquations`. What updates add to a wheel's momentum was load
+    as well; below ``_BALANCE`` it is counted as such, and its variance with it. It does not depend on the present
+    error, as innovations are white.
 
     A damper of two slopes is taken at the mean and the variance of its speed, as the best line through it: with r the
     speed, c (r) r ~ c_mean r + c_half sqrt(r^2 + 2 var/pi).
     """
 
+    buffer = cython.declare(object, visibility="readonly")
+    x: cython.double[::1]
+    p: cython.double[::1]
+    a: cython.double[::1]
+    b: cython.double[::1]
+    balance: cython.double[::1]
+    spread: cython.double[::1]
+    learnt: cython.double[::1]
+    told: cython.double[::1]
+    constant: cython.double[::1]
+    rate: cython.double[::1]
+    push: cython.double[::1]
+    damp: cython.double[::1]
+    half: cython.double[::1]
+    mean: cython.double[::1]
+    warp: cython.double[::1]
+    tilt: cython.double[::1]
+    drift: cython.double[::1]
+    start: cython.double[::1]
+    road: cython.double[::1]
+    masses: cython.double[::1]
+    see_imu: cython.double[::1]
+    see_travel: cython.double[::1]
+    see_hub: cython.double[::1]
+    see_force: cython.double[::1]
+    noise_imu: cython.double[::1]
+    noise_travel: cython.double[::1]
+    noise_hub: cython.double[::1]
+    noise_force: cython.double[::1]
+    change: cython.double[::1]
+    left: cython.double[::1]
+    both: cython.double[::1]
+    few: cython.double[::1]
+    innovation: cython.double[::1]
+    noise: cython.double[::1]
+    see: cython.double[::1]
+    seen: cython.double[::1]
+    covariance: cython.double[::1]
+    lower: cython.double[::1]
+    inverse: cython.double[::1]
+    variance: cython.double[::1]
+    fresh: cython.double[::1]
+    white: cython.double[::1]
+    gain: cython.double[::1]
+    moment_roll: cython.double
+    moment_pitch: cython.double
+    leans: cython.double
+    dives: cython.double
+    bank: cython.double
+    static: Any
+    tire: Any
+    carried: Any
+    unmodelled: Any
+
     def __init__(self, vehicle: VehicleParameters, noise: SensorNoise) -> None:
-        self.noise = noise
-        sizes = {"x": SIZE, "p": SIZE * SIZE, "a": SIZE * MOVING, "b": 7, "balance": 4, "spread": 4, "learnt": 6}
+        car = CarEquations(vehicle, noise)
+        sizes = {"x": 24, "p": 24 * 24, "a": 24 * 17, "b": 7, "balance": 4, "spread": 4, "learnt": 6, "told": 8}
         self.buffer = np.zeros(sum(sizes.values()))
         views, begin = {}, 0
         for name, size in sizes.items():
-            views[name] = self.buffer[begin : begin + size]
+            views[name] = self.buffer.data[begin : begin + size]
             begin += size
-        self.x = views["x"]
-        self.p = views["p"].reshape(SIZE, SIZE)
-        self._a = views["a"].reshape(SIZE, MOVING)  # transposed: column i has what drives state i
-        self._b = views["b"]
-        self._balance, self._spread = views["balance"], views["spread"]
-        self._learnt = views["learnt"]  # roughness, its information, manoeuvres^2, its information, speed, is it known
-        self._describe(vehicle)
-        m = MOVING
-        self._terms_square = np.empty((m, SIZE, m))
-        self._terms_left = np.empty((SIZE, m, SIZE))
-        self._terms_right = np.empty((SIZE, m, m))
+        self.x, self.p = views["x"], views["p"]
+        self.a = views["a"]  # transposed: column i has what drives state i
+        self.b = views["b"]
+        self.balance, self.spread = views["balance"], views["spread"]
+        self.learnt = views["learnt"]  # roughness, its information, manoeuvres^2, its information, speed, is it known
+        self.told = views["told"]  # of each source: sum and number of squared innovations, the older the less
+        self.constant, self.rate, self.push = _flat(car.constant), _flat(car.rate), _flat(car.push)
+        self.damp, self.half, self.mean = _flat(car.damp), _flat(car.damper_half), _flat(car.damper_mean)
+        self.warp, self.tilt, self.drift, self.start = map(_flat, (car.warp, car.tilt, car.drift, car.start))
+        self.road, self.masses = _flat(car.road), _flat(car.masses)
+        self.see_imu, self.see_travel, self.see_force = map(_flat, (car.see_imu, car.see_travel, car.see_force))
+        self.see_hub = np.zeros(24 * 4).data
+        self.noise_imu, self.noise_travel = np.array(car.noise["imu"]).data, np.array(car.noise["travel"]).data
+        self.noise_hub, self.noise_force = np.array(car.noise["hub"]).data, np.array(car.noise["force"]).data
+        self.moment_roll, self.moment_pitch = car.moment
+        self.leans, self.dives = car.leans, car.dives
+        self.bank = car.bank
+        self.static, self.tire, self.carried, self.unmodelled = car.static, car.tire, car.carried, car.unmodelled
+        self.change, self.left, self.both = np.zeros(24 * 17).data, np.zeros(17 * 24).data, np.zeros(17 * 17).data
+        self.few = np.zeros(64).data
+        self.innovation, self.noise = np.zeros(5).data, np.zeros(5).data
+        self.see, self.seen, self.gain = np.zeros(24 * 5).data, np.zeros(5 * 24).data, np.zeros(5 * 24).data
+        self.covariance, self.lower, self.inverse = np.zeros(25).data, np.zeros(25).data, np.zeros(25).data
+        self.variance, self.fresh, self.white = np.zeros(5).data, np.zeros(5).data, np.zeros(5).data
         self.reset()
-
-    def _describe(self, car: VehicleParameters) -> None:
-        """The constant parts of the equations."""
-        behind = car.wheelbase - car.front_axle_to_cg
-        x = np.array([car.front_axle_to_cg] * 2 + [-behind] * 2)
-        track = np.repeat(car.tracks, 2)
-        side = np.array([1.0, -1.0, 1.0, -1.0])
-        y = side * track / 2.0
-        share = np.array([behind, behind, car.front_axle_to_cg, car.front_axle_to_cg]) / (2.0 * car.wheelbase)
-        masses = np.array(car.unsprung_masses)
-        axle = np.array([masses[0] + masses[1]] * 2 + [masses[2] + masses[3]] * 2)
-        centre = np.repeat(car.roll_centre_heights, 2)
-        bar = np.repeat(car.anti_roll_rates, 2) / 2.0
-        other = [1, 0, 3, 2]
-        tire = np.array(car.tire_rates)
-        inertia = (car.sprung_mass, car.roll_inertia, car.pitch_inertia)
-        arm = car.cg_height - float(share[0] * 2.0 * centre[0] + share[2] * 2.0 * centre[2])
-        moment = (car.sprung_mass * arm / car.roll_inertia, -car.sprung_mass * car.cg_height / car.pitch_inertia)
-        past_y = -side * (2.0 * share * car.sprung_mass * centre + axle * car.unsprung_height) / track
-        total = masses[0] + masses[1] + masses[2] + masses[3]
-        past_x = -np.sign(x) * total * car.unsprung_height / (2.0 * car.wheelbase)
-
-        # rate of travel from the seven velocities, and what a force in a suspension does to these
-        self._rate = np.zeros((7, 4))
-        self._rate[0], self._rate[1], self._rate[2] = -1.0, -y, x
-        self._rate[3:] = np.eye(4)
-        push = np.zeros((4, 7))
-        push[:, 0], push[:, 1], push[:, 2] = 1.0 / inertia[0], y / inertia[1], -x / inertia[2]
-        push[:, 3:] = -np.diag(1.0 / masses)
-        self._push = push
-        self._damp = push[:, None, :] * self._rate.T[:, :, None]  # (wheel, velocity from, velocity to)
-        self._half = (np.array(car.damper_bump) - np.array(car.damper_rebound)) / 2.0
-        self._mean = (np.array(car.damper_bump) + np.array(car.damper_rebound)) / 2.0
-
-        a = np.zeros((SIZE, MOVING))
-        a[VELOCITY, TRAVEL] = self._rate
-        a[WHEEL, TIRE] = -np.eye(4)
-        springs = np.diag(np.array(car.spring_rates) + bar)
-        springs[range(4), other] = -bar
-        a[TRAVEL, VELOCITY] = _sum(springs.T[:, :, None] * push[:, None, :])
-        a[TIRE, WHEEL] = np.diag(tire / masses)
-        a[ACROSS, ROLL], a[ALONG, PITCH] = moment
-        a[ACROSS, WHEEL], a[ALONG, WHEEL] = -past_y / masses, -past_x / masses
-        a[ALONG, ALONG] = a[ACROSS, ACROSS] = -1.0 / MANOEUVRE_TIME
-        self._constant = a
-        self._moment = moment
-        warp = np.array([0.25, -0.25, -0.25, 0.25])
-        self._warp = np.concatenate([warp, warp])[:, None] * (4.0 * warp) / car.wheelbase
-
-        self._hub_mass = masses * BALANCE
-        self._tire = tire
-        self.static = np.array(car.static_loads)
-        self._unmodelled = (UNMODELLED * self.static) ** 2
-        self._carried = car.sprung_mass * share * GRAVITY
-        self.radius, self.rear_track = car.rolling_radius, car.tracks[1]
-        self._road = np.eye(4)
-        self._road[[0, 1, 2, 3], other] = ALIKE
-        drift = np.zeros(SIZE)
-        drift[BIAS_Z], drift[BIAS_ROLL : BIAS_PITCH + 1] = (3e-4) ** 2, (6e-6) ** 2
-        drift[BIAS_X : BIAS_Y + 1] = (3e-4) ** 2
-        drift[MASS], drift[TIP] = (3e-4) ** 2, (1e-3) ** 2
-        self._drift = drift
-
-        # what the sensors see, as columns; those of accelerations are filled in when they are needed
-        self._see_imu = np.zeros((SIZE, 5))  # a_z, a_x, a_y, roll rate, pitch rate
-        see = self._see_imu
-        nose = np.array([1.0, 1.0, -1.0, -1.0]) / (2.0 * car.wheelbase)  # nose down, of the springs' ways
-        lean = np.array([-1.0, 1.0, -1.0, 1.0]) / (2.0 * track)  # left side up
-        see[TRAVEL, 1] = see[TIRE, 1] = -GRAVITY * nose
-        see[TRAVEL, 2] = see[TIRE, 2] = GRAVITY * lean
-        see[ALONG, 1] = see[BIAS_X, 1] = see[ACROSS, 2] = see[BIAS_Y, 2] = 1.0
-        see[ROLL, 3] = see[BIAS_ROLL, 3] = see[PITCH, 4] = see[BIAS_PITCH, 4] = 1.0
-        see[BIAS_Z, 0] = 1.0
-        self._tilt = np.stack([np.concatenate([lean, lean]), np.concatenate([nose, nose])], axis=1)
-        stiffness = _sum(springs * y[:, None]) * y, _sum(springs * x[:, None]) * x
-        roll_stiffness, pitch_stiffness = (float(_sum(each)) for each in stiffness)
-        self._leans = GRAVITY * car.sprung_mass * arm / roll_stiffness  # per specific force, in the long run
-        self._dives = GRAVITY * car.sprung_mass * car.cg_height / pitch_stiffness
-        self._see_travel = np.zeros((SIZE, 4))
-        self._see_travel[TRAVEL] = np.eye(4)
-        self._see_hub = np.zeros((SIZE, 4))
-        self._see_force = np.zeros((SIZE, 2))
-        self._see_force[ALONG, 0] = self._see_force[ACROSS, 1] = 1.0
-        n = self.noise
-        self._noise_imu = [n.acceleration**2] * 3 + [n.angular_rate**2] * 2
 
     # -- beginnings -----------------------------------------------------------------------------------------
 
     def reset(self) -> None:
         """Forget everything."""
+        i: cython.Py_ssize_t
         self.buffer[:] = 0.0
-        n = self.noise
-        biases = [n.acceleration_bias, *[n.angular_rate_bias] * 2, *[n.acceleration_bias] * 2, n.mass, n.tip]
-        self.p[range(SIZE), range(SIZE)] = np.array([*START, *biases]) ** 2
-        self._learnt[:] = (ROUGHNESS, 10.0, MANOEUVRE**2, 10.0, USUAL_SPEED, 0.0)
-        self._linearise(True)
+        for i in range(_N):
+            self.p[i * _N + i] = self.start[i]
+        self.learnt[0], self.learnt[1] = _ROUGHNESS, 10.0
+        self.learnt[2], self.learnt[3] = _MANOEUVRE * _MANOEUVRE, 10.0
+        self.learnt[4], self.learnt[5] = _USUAL_SPEED, 0.0
+        self.linearise(True)
 
     def restart(self) -> None:
         """Forget the motion; what was learnt of mass, biases and road is kept."""
-        self.x[:MOVING] = 0.0
-        self.p[:MOVING, :] = 0.0
-        self.p[:, :MOVING] = 0.0
-        self.p[range(MOVING), range(MOVING)] = np.array(START) ** 2
-        self._balance[:] = 0.0
-        self._spread[:] = 0.0
-        self._linearise(True)
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        for i in range(_M):
+            self.x[i] = 0.0
+            for j in range(_N):
+                self.p[i * _N + j] = self.p[j * _N + i] = 0.0
+        for i in range(_M):
+            self.p[i * _N + i] = self.start[i]
+        for i in range(4):
+            self.balance[i] = self.spread[i] = 0.0
+        self.linearise(True)
 
     # -- through time ---------------------------------------------------------------------------------------
 
     @property
     def speed(self) -> float:
         """The car's speed [m/s], a usual one while nothing tells it."""
-        return float(self._learnt[4])
+        return self.learnt[4]
 
     def set_speed(self, speed: float) -> None:
         """Say the car's speed [m/s]."""
-        self._learnt[4:] = (speed, 1.0)
+        self.learnt[4], self.learnt[5] = speed, 1.0
 
     @property
     def roughness(self) -> float:
         """Gd(0.1 cycles/m) of the road, as learnt [m^3]."""
-        return float(self._learnt[0])
+        return self.learnt[0]
 
-    def _linearise(self, weighs: bool) -> None:
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def linearise(self, weighs: cython.bint) -> cython.void:
         """The equations at the present state; ``weighs``: whether the motion of the body tells its mass."""
-        x, a = self.x, self._a
-        r = _sum(self._rate * x[VELOCITY, None])
-        spread = _sum(self._rate[:, None, :] * self.p[VELOCITY, VELOCITY, None])
-        variance = np.maximum(_sum(spread * self._rate), 0.0)
-        size = np.sqrt(r * r + variance * (2.0 / math.pi) + 1e-8)
-        slope = r / size
-        rate = self._mean + self._half * slope
-        b = _sum(self._push * (self._half * (size - slope * r))[:, None])
-        a[:] = self._constant
-        a[VELOCITY, VELOCITY] += _sum(self._damp * rate[:, None, None])
-        a[:8, TIRE] -= self._warp * self.speed
-        along, across, tip = x[[ALONG, ACROSS, TIP]].tolist()
-        a[MASS, ROLL], a[MASS, PITCH] = self._moment[0] * across, self._moment[1] * along
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        w: cython.Py_ssize_t
+        r: cython.double
+        total: cython.double
+        size: cython.double
+        slope: cython.double
+        along: cython.double = self.x[_ALONG]
+        across: cython.double = self.x[_ACROSS]
+        tip: cython.double = self.x[_TIP]
+        lean: cython.double
+        dive: cython.double
+        # few: spread of the ways' rates (7, 4) from 0, damping in force (4) from 28, what is left of its force from 32
+        for j in range(7):
+            for w in range(4):
+                total = self.rate[w] * self.p[_VELOCITY * _N + _VELOCITY + j]
+                for i in range(1, 7):
+                    total += self.rate[i * 4 + w] * self.p[(_VELOCITY + i) * _N + _VELOCITY + j]
+                self.few[j * 4 + w] = total
+        for w in range(4):
+            r = self.rate[w] * self.x[_VELOCITY]
+            total = self.few[w] * self.rate[w]
+            for i in range(1, 7):
+                r += self.rate[i * 4 + w] * self.x[_VELOCITY + i]
+                total += self.few[i * 4 + w] * self.rate[i * 4 + w]
+            size = sqrt(r * r + max(total, 0.0) * _HALF_LINE + 1e-8)
+            slope = r / size
+            self.few[28 + w] = self.mean[w] + self.half[w] * slope
+            self.few[32 + w] = self.half[w] * (size - slope * r)
+        for j in range(7):
+            total = self.push[j] * self.few[32]
+            for w in range(1, 4):
+                total += self.push[w * 7 + j] * self.few[32 + w]
+            self.b[j] = total
+        for i in range(_N * _M):
+            self.a[i] = self.constant[i]
+        for i in range(7):
+            for j in range(7):
+                total = self.damp[i * 7 + j] * self.few[28]
+                for w in range(1, 4):
+                    total += self.damp[(w * 7 + i) * 7 + j] * self.few[28 + w]
+                self.a[(_VELOCITY + i) * _M + _VELOCITY + j] += total
+        for i in range(8):
+            for w in range(4):
+                self.a[i * _M + _TIRE + w] -= self.warp[i * 4 + w] * self.learnt[4]
+        self.a[_MASS * _M + _ROLL] = self.moment_roll * across
+        self.a[_MASS * _M + _PITCH] = self.moment_pitch * along
         if weighs:
-            lean, dive = _sum(self._tilt * x[:8, None]).tolist()
-            a[:8, ROLL] += self._tilt[:, 0] * (self._moment[0] * GRAVITY * tip)
-            a[:8, PITCH] -= self._tilt[:, 1] * (self._moment[1] * GRAVITY * tip)
-            a[TIP, ROLL], a[TIP, PITCH] = self._moment[0] * GRAVITY * lean, -self._moment[1] * GRAVITY * dive
-            b[1] -= tip * a[TIP, ROLL]
-            b[2] -= tip * a[TIP, PITCH]
+            lean, dive = self.tilt[0] * self.x[0], self.tilt[1] * self.x[0]
+            for i in range(1, 8):
+                lean += self.tilt[2 * i] * self.x[i]
+                dive += self.tilt[2 * i + 1] * self.x[i]
+            for i in range(8):
+                self.a[i * _M + _ROLL] += self.tilt[2 * i] * (self.moment_roll * _GRAVITY * tip)
+                self.a[i * _M + _PITCH] -= self.tilt[2 * i + 1] * (self.moment_pitch * _GRAVITY * tip)
+            self.a[_TIP * _M + _ROLL] = self.moment_roll * _GRAVITY * lean
+            self.a[_TIP * _M + _PITCH] = -self.moment_pitch * _GRAVITY * dive
+            self.b[1] -= tip * self.a[_TIP * _M + _ROLL]
+            self.b[2] -= tip * self.a[_TIP * _M + _PITCH]
         else:
-            a[TIP, ROLL], a[TIP, PITCH] = a[MASS, ROLL] * self._leans, a[MASS, PITCH] * self._dives
-        self._b[:] = b
+            self.a[_TIP * _M + _ROLL] = self.a[_MASS * _M + _ROLL] * self.leans
+            self.a[_TIP * _M + _PITCH] = self.a[_MASS * _M + _PITCH] * self.dives
 
-    def predict(self, step: float, measured: bool, weighs: bool) -> None:
+    def predict(
+        self, step: cython.double, count: cython.Py_ssize_t, measured: cython.bint, weighs: cython.bint
+    ) -> None:
         """Go on in time.
 
         Parameters
         ----------
         step : float
             [s], at most some 3 ms.
+        count : int
+            Of steps.
         measured : bool
             Whether an IMU tells the specific forces.
         weighs : bool
             Whether the ways of the springs are measured, so that the motion of the body tells its mass.
         """
-        self._linearise(weighs)
-        x, p, a = self.x, self.p, self._a
-        half = step * step / 2.0
-        rate = _sum(a * x[:, None])
-        rate[VELOCITY] += self._b
-        x[:MOVING] += step * rate + half * _sum(a[:MOVING] * rate[:, None])
-        np.multiply(a.T[:, :, None], a[:MOVING, None, :], out=self._terms_square)
-        change = _sum(self._terms_square)
-        change *= half
-        change += step * a
-        np.multiply(change[:, :, None], p[:, None, :], out=self._terms_left)
-        left = _sum(self._terms_left)
-        np.multiply(left.T[:, :, None], change[:, None, :], out=self._terms_right)
-        both = _sum(self._terms_right)
-        p[:MOVING] += left
-        p[:, :MOVING] += left.T
-        p[:MOVING, :MOVING] += both
-        p += p.T  # what rounding makes of its two halves would grow apart
-        p *= 0.5
-        learnt = self._learnt
-        roughness, _, manoeuvre, _, speed, _ = learnt.tolist()
-        p[TIRE, TIRE] += self._road * (2.0 * (math.pi * 0.1) ** 2 * roughness * (speed + CREEP) * step)
-        intensity = manoeuvre if measured else MANOEUVRE**2
-        diagonal = p.reshape(-1)[:: SIZE + 1]
-        diagonal += self._drift * step
-        diagonal[ALONG : ACROSS + 1] += intensity * step
+        _: cython.Py_ssize_t
+        for _ in range(count):
+            self.go_on(step, measured, weighs)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def go_on(self, step: cython.double, measured: cython.bint, weighs: cython.bint) -> cython.void:
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        half: cython.double = step * step / 2.0
+        intensity: cython.double
+        fade: cython.double
+        self.linearise(weighs)
+        # few: the state's rate (17) from 0, that of its rate (17) from 24
+        _product(self.few, self.x, 1, 0, self.a, _N, 1, _M)
+        for i in range(7):
+            self.few[_VELOCITY + i] += self.b[i]
+        _product(self.left, self.few, 1, 0, self.a, _M, 1, _M)
+        for i in range(_M):
+            self.x[i] += step * self.few[i] + half * self.left[i]
+        _product(self.change, self.a, 1, _M, self.a, _M, _N, _M)
+        for i in range(_N * _M):
+            self.change[i] = self.change[i] * half + step * self.a[i]
+        _product(self.left, self.change, _M, 1, self.p, _N, _M, _N)
+        _product(self.both, self.left, 1, _N, self.change, _N, _M, _M)
+        _carry(self.p, self.left, self.both)
+        intensity = _EXCITES * self.learnt[0] * (self.learnt[4] + _CREEP) * step
+        for i in range(4):
+            for j in range(4):
+                self.p[(_TIRE + i) * _N + _TIRE + j] += self.road[i * 4 + j] * intensity
+        for i in range(_N):
+            self.p[i * _N + i] += self.drift[i] * step
         if weighs:
-            diagonal[MASS] += MASS_DRIFT**2 * step
-        fade = _decay(BALANCE * step)
-        self._balance *= fade
-        self._spread *= fade * fade
-        forget = _decay(step / LEARNING_TIME)
-        learnt[1] *= forget
-        learnt[3] *= forget
+            for i in range(3):
+                j = _VELOCITY + i
+                self.p[j * _N + j] += _LOOSE * self.p[_MASS * _N + _MASS] * self.few[j] * self.few[j] * step
+        self.p[_BIAS_Y * _N + _BIAS_Y] += self.bank * intensity
+        intensity = self.learnt[2] if measured else _MANOEUVRE * _MANOEUVRE
+        for i in range(_ALONG, _ACROSS + 1):
+            self.p[i * _N + i] += intensity * step
+        if weighs:
+            self.p[_MASS * _N + _MASS] += _MASS_DRIFT * _MASS_DRIFT * step
+        fade = _decay(_BALANCE * step)
+        for i in range(4):
+            self.balance[i] *= fade
+            self.spread[i] *= fade * fade
+        fade = _decay(step / _LEARNING_TIME)
+        self.learnt[1] *= fade
+        self.learnt[3] *= fade
+        for i in range(8):
+            self.told[i] *= fade
 
     # -- what is measured -----------------------------------------------------------------------------------
 
     def take_imu(self, values: Sequence[float]) -> None:
         """Specific force x, y, z [m/s^2], roll rate and pitch rate [rad/s]; NaN where one is not known."""
-        see, x = self._see_imu, self.x
-        see[:, 0] = self._a[:, HEAVE]
-        see[BIAS_Z, 0] = 1.0
-        seen = _sum(see * x[:, None]).tolist()
-        along, across, up, roll, pitch = values
-        told = (up - GRAVITY - float(self._b[0]), along, across, roll, pitch)
-        self._update(see, [t - s for t, s in zip(told, seen, strict=True)], self._noise_imu, (0, 1, 1, 0, 0))
+        i: cython.Py_ssize_t
+        for i in range(_N):
+            self.see_imu[i * 5] = self.a[i * _M + _VELOCITY] if i != _BIAS_Z else 1.0
+        _product(self.few, self.x, 1, 0, self.see_imu, _N, 1, 5)
+        self.innovation[0] = values[2] - _GRAVITY - self.b[0] - self.few[0]
+        self.innovation[1] = values[0] - self.few[1]
+        self.innovation[2] = values[1] - self.few[2]
+        self.innovation[3] = values[3] - self.few[3]
+        self.innovation[4] = values[4] - self.few[4]
+        self.update(1, 5, self.see_imu, self.noise_imu)
 
     def take_travel(self, values: Sequence[float]) -> None:
         """Ways of the springs from rest, compression positive [m]; NaN where one is not known."""
-        seen = self.x[TRAVEL].tolist()
-        rest = [t - s for t, s in zip(values, seen, strict=True)]
-        self._update(self._see_travel, rest, [self.noise.travel**2] * 4, (0,) * 4)
+        i: cython.Py_ssize_t
+        for i in range(4):
+            self.innovation[i] = values[i] - self.x[i]
+        self.update(2, 4, self.see_travel, self.noise_travel)
 
     def take_hub(self, values: Sequence[float]) -> None:
         """Vertical specific force of the unsprung masses [m/s^2]; NaN where one is not known."""
-        see = self._see_hub
-        see[:] = self._a[:, WHEEL]
-        seen = (_sum(see * self.x[:, None]) + self._b[3:]).tolist()
-        rest = [t - GRAVITY - s for t, s in zip(values, seen, strict=True)]
-        self._update(see, rest, [self.noise.hub_acceleration**2] * 4, (0,) * 4)
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        for i in range(_N):
+            for j in range(4):
+                self.see_hub[i * 4 + j] = self.a[i * _M + _WHEEL + j]
+        _product(self.few, self.x, 1, 0, self.see_hub, _N, 1, 4)
+        for i in range(4):
+            self.innovation[i] = values[i] - _GRAVITY - (self.few[i] + self.b[3 + i])
+        self.update(3, 4, self.see_hub, self.noise_hub)
 
-    def take_force(self, along: float, across: float) -> None:
+    def take_force(self, along: cython.double, across: cython.double) -> None:
         """Specific force in the road's plane [m/s^2], as wheel speeds tell it."""
-        rest = [along - float(self.x[ALONG]), across - float(self.x[ACROSS])]
-        self._update(self._see_force, rest, [self.noise.speed_slope**2] * 2, (2, 2))
+        self.innovation[0] = along - self.x[_ALONG]
+        self.innovation[1] = across - self.x[_ACROSS]
+        self.update(0, 2, self.see_force, self.noise_force)
 
-    def _update(self, see: FloatArray, innovation: list[float], noise: Sequence[float], tells: Sequence[int]) -> None:
-        """Take measurements at once, each after those before it; ``tells``: of the road (0), manoeuvre (1), or none."""
-        known = [k for k, value in enumerate(innovation) if value == value]
-        if not known:
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def update(
+        self,
+        source: cython.Py_ssize_t,
+        width: cython.Py_ssize_t,
+        see: cython.double[::1],
+        noise: cython.double[::1],
+    ) -> cython.void:
+        """Take the measurements of a source at once, each after those before it, those left out that are not known.
+
+        All but specific forces tell the road's roughness, those of an IMU how strong manoeuvres are.
+        """
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
+        count: cython.Py_ssize_t = 0
+        place: cython.Py_ssize_t
+        value: cython.double
+        prior: cython.double
+        e: cython.double
+        for k in range(width):
+            if self.innovation[k] == self.innovation[k]:
+                count += 1
+        if count == 0:
             return
-        if len(known) < len(innovation):
-            see = see[:, known]
-            innovation = [innovation[k] for k in known]
-            noise = [noise[k] for k in known]
-            tells = [tells[k] for k in known]
-        count = len(known)
-        p = self.p
-        seen = _sum(see[:, :, None] * p[:, None, :])
-        covariance = _sum(seen.T[:, :, None] * see[:, None, :]).tolist()
+        j = 0
+        for k in range(width):
+            if self.innovation[k] == self.innovation[k]:
+                self.innovation[j], self.noise[j] = self.innovation[k], noise[k]
+                self.white[j] = k
+                for i in range(_N):
+                    self.see[i * count + j] = see[i * width + k]
+                j += 1
+        _product(self.seen, self.see, count, 1, self.p, _N, count, _N)
+        _product(self.covariance, self.seen, 1, _N, self.see, _N, count, count)
         # L D L' of the innovations' covariance: D and e are those of each measurement after the ones before
-        lower: list[list[float]] = []
-        inverse: list[list[float]] = []
-        variance: list[float] = []
-        fresh: list[float] = []
         for i in range(count):
-            mine: list[float] = []
-            row, e = covariance[i], innovation[i]
-            prior = row[i]
+            prior, e = self.covariance[i * count + i], self.innovation[i]
             for j in range(i):
-                value = row[j]
+                value = self.covariance[i * count + j]
                 for k in range(j):
-                    value -= mine[k] * lower[j][k] * variance[k]
-                value /= variance[j]
-                mine.append(value)
-                prior -= value * value * variance[j]
-                e -= value * fresh[j]
+                    value -= self.lower[i * _MOST + k] * self.lower[j * _MOST + k] * self.variance[k]
+                value /= self.variance[j]
+                self.lower[i * _MOST + j] = value
+                prior -= value * value * self.variance[j]
+                e -= value * self.fresh[j]
             prior = max(prior, 0.0)
-            lower.append(mine)
-            variance.append(prior + noise[i])
-            fresh.append(e)
-            back = [0.0] * count
-            back[i] = 1.0
+            self.variance[i] = prior + self.noise[i]
+            self.fresh[i] = e
+            for k in range(count):
+                self.inverse[i * _MOST + k] = 1.0 if k == i else 0.0
             for j in range(i):
                 for k in range(j + 1):
-                    back[k] -= mine[j] * inverse[j][k]
-            inverse.append(back)
-            if tells[i] < 2:
-                self._learn(2 * tells[i], e * e / variance[i], prior / variance[i])
-        scale = [1.0 / math.sqrt(each) for each in variance]
-        white = np.array([e * s for e, s in zip(fresh, scale, strict=True)])
-        whiten = np.array([[inverse[i][k] * scale[i] for i in range(count)] for k in range(count)])
-        gain = _sum(whiten[:, :, None] * seen[:, None, :])  # (measurement, state), each of unit variance
-        self.x += _sum(gain * white[:, None])
-        p -= _sum(gain[:, :, None] * gain[:, None, :])
-        jump = gain[:, WHEEL] * self._hub_mass
-        self._balance += _sum(jump * white[:, None])
-        self._spread += _sum(jump * jump)
+                    self.inverse[i * _MOST + k] -= self.lower[i * _MOST + j] * self.inverse[j * _MOST + k]
+            value = e * e / self.variance[i]
+            self.told[2 * source] += value
+            self.told[2 * source + 1] += 1.0
+            if source > 0:
+                place = 2 if source == 1 and (self.white[i] == 1.0 or self.white[i] == 2.0) else 0
+                self.learn(place, value, prior / self.variance[i])
+        for i in range(count):
+            value = 1.0 / sqrt(self.variance[i])
+            self.white[i] = self.fresh[i] * value
+            for k in range(count):
+                self.covariance[k * count + i] = self.inverse[i * _MOST + k] * value
+        _product(self.gain, self.covariance, count, 1, self.seen, count, count, _N)
+        # few: what the measurements add to the state (24)
+        _product(self.few, self.white, 1, 0, self.gain, count, 1, _N)
+        for i in range(_N):
+            self.x[i] += self.few[i]
+        self.lessen(count)
+        for i in range(4):
+            value, e = 0.0, 0.0
+            for k in range(count):
+                prior = self.gain[k * _N + _WHEEL + i] * (self.masses[i] * _BALANCE)
+                value += prior * self.white[k]
+                e += prior * prior
+            self.balance[i] += value
+            self.spread[i] += e
 
-    def _learn(self, place: int, square: float, share: float) -> None:
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def lessen(self, count: cython.Py_ssize_t) -> cython.void:
+        """P - G' G, with a row of G for each measurement."""
+        if cython.compiled:
+            i: cython.Py_ssize_t
+            j: cython.Py_ssize_t
+            k: cython.Py_ssize_t
+            for i in range(_N):
+                for j in range(_N):
+                    self.few[j] = self.gain[i] * self.gain[j]
+                for k in range(1, count):
+                    for j in range(_N):
+                        self.few[j] += self.gain[k * _N + i] * self.gain[k * _N + j]
+                for j in range(_N):
+                    self.p[i * _N + j] -= self.few[j]
+        else:
+            gain = np.asarray(self.gain)[: count * _N].reshape(count, _N)
+            matrix = np.asarray(self.p).reshape(_N, _N)
+            matrix -= np.add.reduce(gain[:, :, None] * gain[:, None, :], axis=0)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def learn(self, place: cython.Py_ssize_t, square: cython.double, share: cython.double) -> cython.void:
         """An intensity of noise from an innovation: its normalised square, and the share of the process in its
         variance.
 
         A step of Newton's method on the likelihood, with the information of the last ten seconds.
         """
-        learnt = self._learnt
-        information = float(learnt[place + 1]) + 0.5 * share * share
-        learnt[place + 1] = information
-        step = 0.5 * share * (min(square, OUTLIER) - 0.99) / information
-        intensity = float(learnt[place]) * (_decay(-step) if step < 0.3 else 1.35)
-        least, most = (LEAST_ROUGHNESS, MOST_ROUGHNESS) if place == 0 else (1e-4, 100.0)
-        learnt[place] = min(max(intensity, least), most)
+        information: cython.double = self.learnt[place + 1] + 0.5 * share * share
+        step: cython.double = 0.5 * share * (min(square, _OUTLIER) - 0.99) / information
+        intensity: cython.double = self.learnt[place] * (_decay(-step) if step < 0.3 else 1.35)
+        self.learnt[place + 1] = information
+        if place == 0:
+            self.learnt[0] = min(max(intensity, _LEAST_ROUGHNESS), _MOST_ROUGHNESS)
+        else:
+            self.learnt[2] = min(max(intensity, 1e-4), 100.0)
 
     # -- what is asked --------------------------------------------------------------------------------------
 
     def loads(self) -> tuple[FloatArray, FloatArray]:
         """Load of each tire and its standard deviation [N]."""
-        x, p = self.x, self.p
-        load = self.static + self._carried * x[MASS] + self._tire * x[TIRE] + self._balance
-        index = np.arange(4, 8)
-        variance = self._tire * self._tire * p[index, index] + self._carried * self._carried * p[MASS, MASS]
-        variance = variance + 2.0 * self._tire * self._carried * p[TIRE, MASS] + self._spread + self._unmodelled
+        n = 24
+        x, p = self.buffer[:n], self.buffer[n : n + n * n].reshape(n, n)
+        tire, mass = slice(4, 8), 22
+        load = self.static + self.carried * x[mass] + self.tire * x[tire] + np.array(self.balance)
+        variance = self.tire * self.tire * p.diagonal()[tire] + self.carried * self.carried * p[mass, mass]
+        variance = variance + 2.0 * self.tire * self.carried * p[tire, mass]
+        variance = variance + np.array(self.spread) + self.unmodelled
         return np.maximum(load, 0.0), np.sqrt(np.maximum(variance, 0.0))
 
     def mass_error(self) -> tuple[float, float]:
         """Relative error of the mass and its standard deviation."""
-        return float(self.x[MASS]), math.sqrt(max(float(self.p[MASS, MASS]), 0.0))
+        return self.x[_MASS], math.sqrt(max(self.p[_MASS * _N + _MASS], 0.0))
+
+    def consistency(self) -> list[float]:
+        """Mean of the squared normalised innovations of wheel speeds, IMU, travel and hubs, over some ten seconds.
+
+        1 where equations and noise are what they were told to be; NaN of a source that told nothing.
+        """
+        each = [(self.told[2 * k], self.told[2 * k + 1]) for k in range(4)]
+        return [total / number if number > 0.5 else math.nan for total, number in each]
+
+
+def _flat(array: FloatArray) -> memoryview:
+    return array.reshape(-1).data

@@ -21,6 +21,35 @@ cdef class RoadMotion:
     cdef bint sprung
     cdef bint heavy
     cdef bint rigid
+    cdef bint varying
+    cdef bint winding
+    cdef Py_ssize_t most_coupled
+    cdef Py_ssize_t coupled
+    cdef Py_ssize_t uneven
+    cdef Py_ssize_t rounds
+    cdef double on_wheel
+    cdef double on_fore
+    cdef double held_mass
+    cdef double part_begin
+    cdef double part
+    cdef double[::1] pushed
+    cdef double[::1] ahead
+    cdef double[::1] way
+    cdef double[::1] told
+    cdef double[::1] knots
+    cdef long long[::1] knot
+    cdef long long[::1] known
+    cdef double radius
+    cdef double reach_of_patch
+    cdef double[::1] variation
+    cdef double[::1] wave
+    cdef double[::1] turning
+    cdef double[::1] net
+    cdef double[::1] pull
+    cdef double[::1] pull_begin
+    cdef double[::1] pull_end
+    cdef double[::1] push_of
+    cdef double[::1] kept
     cdef double k_s
     cdef double c_s
     cdef double heft
@@ -75,7 +104,6 @@ cdef class RoadMotion:
     cdef double[::1] Z_mean
     cdef double[::1] end
     cdef double[::1] mid
-    cdef double[::1] begin
     cdef double[::1] D_end
     cdef double[::1] D_mean
     cdef double[::1] alpha
@@ -144,7 +172,7 @@ cdef class RoadMotion:
     ) noexcept nogil
     cdef double settle(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
     cdef void complementary(self, Py_ssize_t slot) noexcept nogil
-    cdef void take(self, Py_ssize_t wheel, Py_ssize_t slot, double traction, double traction_change) noexcept nogil
+    cdef void take(self, Py_ssize_t wheel, Py_ssize_t slot) noexcept nogil
     cdef double trial(
         self, Py_ssize_t wheel, double done, double t, bint touching, double length, double phase, double traction,
         double traction_change
@@ -154,11 +182,23 @@ cdef class RoadMotion:
         self, Py_ssize_t wheel, double length, double phase, double traction, double traction_change
     ) noexcept nogil
     cdef void step(self, Py_ssize_t wheel, double length, double traction, double traction_change) noexcept nogil
+    cdef void whole_step(
+        self, Py_ssize_t wheel, double length, double phase, double traction, double traction_change
+    ) noexcept nogil
+    cdef void keep(self, Py_ssize_t wheel, bint back) noexcept nogil
+    cdef void sidewall(self, Py_ssize_t wheel, double phase, double[::1] pull) noexcept nogil
+    cdef void net_of(self, Py_ssize_t wheel) noexcept nogil
+    cdef void push_one(self) noexcept nogil
+    cdef double pull_part(self, Py_ssize_t k, double here, bint change) noexcept nogil
+    cdef void push_belt(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
     cdef void turned_out(self, Py_ssize_t wheel, double speed, double length) noexcept nogil
     cdef double pieces_of(self, Py_ssize_t wheel, double seconds, double speed) noexcept nogil
     cdef void drive_on(
         self, Py_ssize_t wheel, double seconds, double speed, double height, double angle
     ) noexcept nogil
+    cdef void lay(self, Py_ssize_t wheel, double move, double height) noexcept nogil
+    cdef void put_knot(self, Py_ssize_t wheel, bint forward, double place, double height) noexcept nogil
+    cdef double height_at(self, Py_ssize_t wheel, double place) noexcept nogil
     cdef void lose(self, Py_ssize_t wheel) noexcept nogil
     cdef void publish_now(self, Py_ssize_t wheel) noexcept nogil
     cdef bint read(self, Py_ssize_t wheel, double speed) noexcept nogil

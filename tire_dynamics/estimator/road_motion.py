@@ -1,15 +1,24 @@
 # cython: language_level=3, boundscheck=False, wraparound=False, cdivision=True, initializedcheck=False
+# cython: auto_pickle=False
 """Wheels on the road through time: steps that are exact but for the contact force, which is linear over each.
 
-:mod:`~tire_dynamics.science.contact_step` has the scheme. Over a step of length h the force on each contact point is
-F(tau) = a (1 - tau) + b tau; the residual spring is obeyed at the step's end and in the mean over it, pressing only:
+:mod:`~tire_dynamics.science.contact` has the system. Over a step of length h the force on each contact point is
+F(tau) = a (1 - tau) + b tau, which need not begin where that of the step before has ended; the residual spring is
+obeyed at the step's end and in the mean over it, pressing only:
 
     0 <= b,  b/k - delta(h) >= 0,  one of them 0;      0 <= a,  (a + b)/(2 k) - mean(delta) >= 0,  one of them 0.
 
-All else is carried exactly: n = 1, the wheel and the sprung mass by the Taylor series of their motion, the belt's
-harmonics by their eigenvalues mu, with x = mu h, phi_k(x) = sum_j x^j/(j + k)!,
+That is the discontinuous Galerkin method of degree 1 for the spring: of third order where contact lasts, and without
+damping the energy, with k delta^2/2 of the spring while delta > 0, never grows but by what the road does, at any step
+length. docs/model.md, section 11, derives it. All else is carried exactly: n = 1, the wheel and the sprung mass by the
+Taylor series of their motion, the belt's harmonics by their eigenvalues mu, with x = mu h,
+phi_k(x) = sum_j x^j/(j + k)!,
 
     w(h) = e^x w + h (phi_1 - phi_2) d a + h phi_2 d b,      mean(w) = phi_1 w + h (phi_2 - phi_3) d a + h phi_3 d b.
+
+Where the sidewall's stiffness varies, what it pulls beyond its mean couples every harmonic with others, the wheel and
+the contact. It is a line over the step too, from what it is at the begin to what it is at the end, where the motion
+under it leads: found by taking the step two to four times.
 
 The state is what it differs from the steady state under the static load at the present speed: at rest and on a flat
 road all that is computed is zero, and not a bit moves. Where one patch leaves or finds the road, the moment is located
@@ -25,13 +34,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..science import wheel
-from ..science.coefficients import contact_patch_factor
-from ..science.contact_step import ContactPoints
-from ..science.elementary import cos_sin
-from ..science.modes import CONTACT_ANGLE
-from ..science.rotating_excitation import rotating_excitation
 from ..science.unit import TireWheelUnit
+from .road_constants import TERMS, RoadConstants, on_the_road, reaches, under_the_belt, zeros
 
 try:
     import cython
@@ -41,39 +45,32 @@ if cython.compiled:
     from cython.cimports.libc.math import ceil, fmod
     from cython.cimports.tire_dynamics.estimator.belt import BeltMotion
     from cython.cimports.tire_dynamics.estimator.motion import Motion
+    from cython.cimports.tire_dynamics.science.eigensystem import stretch_at
     from cython.cimports.tire_dynamics.science.elementary import grow
 else:
     from math import ceil, fmod
 
+    from ..science.eigensystem import stretch_at
     from ..science.elementary import grow
     from .belt import BeltMotion
     from .motion import Motion
 
-__all__ = ["RoadMotion", "on_the_road", "under_the_belt"]
+__all__ = ["RoadMotion"]
 
 FloatArray = NDArray[np.float64]
 
 _LONGEST_STEP = cython.declare(cython.double, 2.5e-3)  # [s] over which the contact force is a line
 _LONGEST = cython.declare(cython.double, 3.0)  # norm times step of one series
 _MOST_STEPS = cython.declare(cython.double, 1e7)  # of one call; a unit that needs more has nothing of a tire
-_TERMS = 40
+_TERMS = cython.declare(cython.Py_ssize_t, TERMS)
 _MOST_PARTS = cython.declare(cython.int, 4)  # of a step in which contact is lost and found
 _MOST_TRIALS = cython.declare(cython.int, 30)
 _SHARP = cython.declare(cython.double, 1e-9)  # of the step: how well the moment is located
 _EXACT = cython.declare(cython.double, 1e-7)  # [N]: a force that is none
+_KNOTS = cython.declare(cython.Py_ssize_t, 256)  # of the road under a patch; a power of two
 _MOST_ROUNDS = cython.declare(cython.int, 8)  # of block pivoting, before the least index alone
 _FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
 _NAN = cython.declare(cython.double, math.nan)
-
-
-def on_the_road(unit: TireWheelUnit) -> TireWheelUnit:
-    """The unit that a :class:`.motion.Motion` on the road is to have: no sidewall that varies, no run-out."""
-    return unit.replace(radial_nonuniformity=(), tangential_nonuniformity=(), radial_runout=())
-
-
-def under_the_belt(unit: TireWheelUnit) -> TireWheelUnit:
-    """The unit that the belt's harmonics are to have under a :class:`RoadMotion`, which spreads the force itself."""
-    return unit.mean.replace(contact_half_angle=0.0, vertical_stiffness=0.0)
 
 
 @cython.cclass
@@ -83,7 +80,7 @@ class RoadMotion:
     Parameters
     ----------
     unit : TireWheelUnit
-        What of its sidewall varies is left out; imbalance and run-out act.
+        What of it is not the same all around acts: sidewall, run-out, imbalance.
     motion : Motion
         Of the same wheels. Its states and angles are what this class moves.
     belt : BeltMotion
@@ -92,145 +89,111 @@ class RoadMotion:
         What each tire carries at the start, > 0 [N].
     points : int
         Of the contact along the patch, P >= 1.
+    coupled : int
+        Highest harmonic up to which a sidewall that varies couples the belt's, 0 to leave it out; all of ``belt`` at
+        the most.
 
     Raises
     ------
     ValueError
-        A static load is not > 0, or the unit has no such contact.
+        A static load is not > 0, ``coupled`` is < 0, or the unit has no such contact.
     """
 
     def __init__(
-        self, unit: TireWheelUnit, motion: Motion, belt: BeltMotion, static_loads: Sequence[float], points: int = 1
+        self,
+        unit: TireWheelUnit,
+        motion: Motion,
+        belt: BeltMotion,
+        static_loads: Sequence[float],
+        points: int = 1,
+        coupled: int = 0,
     ) -> None:
         for load in static_loads:
             if not (math.isfinite(load) and load > 0.0):
                 raise ValueError(f"static_load is {load!r}; it must be > 0 and finite")
         if len(static_loads) != motion.wheels:
             raise ValueError(f"static_loads has {len(static_loads)} numbers; there are {motion.wheels} wheels")
-        self.motion, self.belt = motion, belt
+        if coupled < 0:
+            raise ValueError(f"coupled is {coupled!r}; it must be >= 0")
+        self.motion, self.belt, self.most_coupled = motion, belt, min(coupled, 1_000_000)
         self.loads = tuple(float(load) for load in static_loads)
         self.wheels, self.points = motion.wheels, points
         self.N, self.K, self.M, self.complete = belt.N, belt.K, belt.M, belt.complete
         W, P, N, M = self.wheels, self.points, self.N, self.M
-        self.own, self.rest_own = _zeros(2 * W * M), _zeros(2 * W * M)
-        self.forces, self.before, self.road, self.base = (_zeros(W * P) for _ in range(4))
-        self.lift, self.first = _zeros(W * P), _zeros(W * P)
-        self.weight, self.first_weight, self.origin, self.contact = (_zeros(W) for _ in range(4))
+        self.own, self.rest_own = zeros(2 * W * M), zeros(2 * W * M)
+        self.forces, self.before, self.road, self.base = (zeros(W * P) for _ in range(4))
+        self.lift, self.first = zeros(W * P), zeros(W * P)
+        self.weight, self.first_weight, self.origin, self.contact = (zeros(W) for _ in range(4))
         self.touching = np.zeros(W, dtype=np.int64).data
         slots = W + 1  # the last is for parts of a step
         self.table_length = np.full(slots, math.nan).data
         self.growth, self.phi_1, self.phi_2, self.phi_3, self.from_a, self.from_b, self.end_seen, self.mean_seen = (
-            _zeros(slots * 2 * M) for _ in range(8)
+            zeros(slots * 2 * M) for _ in range(8)
         )
-        self.ends_a, self.ends_b, self.means_a, self.means_b = (_zeros(slots * P * P) for _ in range(4))
-        self.law, self.factored = _zeros(slots * 4 * P * P), _zeros(slots * 4 * P * P)
+        self.ends_a, self.ends_b, self.means_a, self.means_b = (zeros(slots * P * P) for _ in range(4))
+        self.law, self.factored = zeros(slots * 4 * P * P), zeros(slots * 4 * P * P)
         self.order = np.zeros(slots * 2 * P, dtype=np.int64).data
-        self.mean_a, self.mean_b = _zeros(slots * 2 * M), _zeros(slots * 2 * M)
+        self.mean_a, self.mean_b = zeros(slots * 2 * M), zeros(slots * 2 * M)
         self.static = np.array(self.loads).data
         self.factorial = np.array([1.0 / math.factorial(k) for k in range(21)]).data
         self.whole_begin = self.whole_end = self.whole_mean = self.curve = 0.0
-        self.real, self.imaginary = _zeros(M), _zeros(M)
-        self.answer = _zeros(8 * N)
-        self.lags = _zeros(4 * (2 * P - 1))
-        self.Z_end, self.Z_mean, self.felt = _zeros(2 * N), _zeros(2 * N), _zeros(4 * N)
+        self.real, self.imaginary = zeros(M), zeros(M)
+        self.part_begin, self.part = 0.0, 1.0
+        self.push_of = zeros(8)
+        self.answer = zeros(8 * N)
+        self.lags = zeros(4 * (2 * P - 1))
+        self.Z_end, self.Z_mean, self.felt = zeros(2 * N), zeros(2 * N), zeros(4 * N)
+        self.reach = np.array(reaches()).data
         self.inverse = np.array([0.0, *(1.0 / k for k in range(1, _TERMS + 5))]).data
-        self.end, self.mid, self.begin, self.D_end, self.D_mean = (_zeros(P) for _ in range(5))
-        self.alpha, self.beta, self.slope = (_zeros(P) for _ in range(3))
-        self.right_side, self.unknown, self.least = (_zeros(2 * P) for _ in range(3))
-        self.reduced = _zeros(4 * P * P)
+        self.end, self.mid, self.D_end, self.D_mean = (zeros(P) for _ in range(4))
+        self.alpha, self.beta, self.slope = (zeros(P) for _ in range(3))
+        self.right_side, self.unknown, self.least = (zeros(2 * P) for _ in range(3))
+        self.reduced = zeros(4 * P * P)
         self.reduced_order = np.zeros(2 * P, dtype=np.int64).data
         self.active = np.ones(2 * P, dtype=np.int64).data
         self.some = np.zeros(2 * P, dtype=np.int64).data
-        self.z = _zeros(0)
+        self.z = zeros(0)
         self._set_unit(unit)
-        self.z = _zeros(W * 2 * self.H)
-        self.rest = _zeros(W * 2 * self.H)
+        self.z = zeros(W * 2 * self.H)
+        self.rest = zeros(W * 2 * self.H)
         self.speed = np.full(W, math.nan).data
+        self.way, self.told = zeros(W), zeros(W)
+        self.knots = zeros(2 * W * _KNOTS) if P > 1 else zeros(0)
+        self.knot, self.known = (np.zeros(W, dtype=np.int64).data for _ in range(2))
         for w in range(W):
             self.put(w, 0.0, 0.0, 0.0)
 
     def _set_unit(self, unit: TireWheelUnit) -> None:
-        """The constants of a unit."""
-        model, P = self.motion.model, self.points
+        """The constants of a unit, and room for what has its sizes."""
         n_max = int(self.belt.modes.numbers.max())
-        points = ContactPoints(unit, P, model, n_max)
-        frame, parts = wheel.fixed_frame(unit.mean, model), rotating_excitation(unit.mean, model)
-        self.unit = unit
-        half = len(frame.constant) // 2
-        self.half, self.sprung = half, unit.sprung_mass > 0.0
-        H = self.H = half + int(self.sprung)
-        y = 4 if self.complete else 2
-        where = [*range(half), *range(H, H + half)]
-        constant, spin = np.zeros((H, 2 * H)), np.zeros((H, 2 * H))
-        constant[:half, where], spin[:half, where] = frame.constant[:half], frame.spin[:half]
-        self.k_s, self.c_s = unit.suspension_stiffness, unit.suspension_damping
-        if self.sprung:
-            k_s, c_s, M, m_b = self.k_s, self.c_s, unit.wheel_mass, unit.sprung_mass
-            constant[y, [H - 1, 2 * H - 1]] = c_s / M, k_s / M
-            constant[H - 1, [y, H + y, H - 1, 2 * H - 1]] = c_s / m_b, k_s / m_b, -c_s / m_b, -k_s / m_b
-        self.heft = 1.0 / unit.sprung_mass if self.sprung else 0.0
-        self.system, self.spin = _flat(constant), _flat(spin)
-        inputs = np.zeros((3, H))
-        inputs[0, :half], inputs[2, :half] = frame.input[:half, 0], frame.input[:half, 1]
-        inputs[1, 0] = frame.input[1, 0]  # along X
-        self.input = _flat(inputs)
-        imbalance = np.zeros((H, 2))
-        uneven = unit.mean.replace(imbalance_mass=unit.imbalance_mass, imbalance_angle=unit.imbalance_angle)
-        imbalance[:half] = rotating_excitation(uneven, model).imbalance[:half]
-        self.imbalance, self.heavy = _flat(imbalance), bool(imbalance.any())
-        self.size = float(parts.sizes[0])
-        if self.sprung:  # of the displacements' size, as the rows of a stiffest coordinate have it
-            stiffest = math.sqrt(float(np.abs(frame.constant[:half, half:]).max()))
-            self.size += self.c_s * self.heft + self.k_s * self.heft / stiffest
-            self.size += self.c_s / unit.wheel_mass + self.k_s / unit.wheel_mass / stiffest
-        self.size_spin = float(parts.sizes[1]) + (1.0 if self.heavy else 0.0)
-        self.output = _flat(np.concatenate([frame.output[1], frame.output_spin[1]]))
-        self.matrix = _zeros(2 * H * H)
-        self.chain, self.chain_v = (_zeros((_TERMS + 2) * 2 * H) for _ in range(2))
-        self.moved, self.after = _zeros(2 * H), _zeros(2 * H)
-        slots = self.wheels + 1
-        self.forced, self.forced_mean = _zeros(slots * 8 * H), _zeros(slots * 8)
-        self.small = _zeros(half * (half + 1))
-        self.gap = _zeros(2)
-        # the contact's geometry
-        cosine, sine = cos_sin(points.angles)
-        self.tangents, self.share = _flat(sine / cosine), _flat(points.share)
-        self.cosines, self._angles = _flat(cosine), np.array(points.angles)
-        spread = contact_patch_factor(unit.replace(contact_half_angle=unit.contact_half_angle / P,
-                                                   vertical_stiffness=0.0), points.numbers)
-        self.whole = _flat(contact_patch_factor(unit, points.numbers))
-        angle = np.multiply.outer(points.angles, points.numbers)
-        c, s = cos_sin(angle)
-        factor = (spread / cosine[:, None]) * np.stack([c, s])  # (2, P, N)
-        quarter = np.mod(points.numbers, 4.0).astype(int)
-        turned = np.stack([np.array([1.0, 0.0, -1.0, 0.0])[quarter], np.array([0.0, -1.0, 0.0, 1.0])[quarter]])
-        self.turned = _flat(turned)
-        self.push = _flat(factor)
-        seen = np.stack([factor[0] * turned[0] - factor[1] * turned[1], factor[0] * turned[1] + factor[1] * turned[0]])
-        self.seen = _flat(seen)
-        step = 2.0 * unit.contact_half_angle / P
-        apart = np.multiply.outer(step * (np.arange(2 * P - 1) - (P - 1)), points.numbers)
-        c, s = cos_sin(apart)
-        self.lag = _flat(spread * spread * np.stack([c, s]))  # (2, 2 P - 1, N)
-        self.rigid = not math.isfinite(float(points.stiffness[0]))
-        self.soft = _flat(np.zeros(P) if self.rigid else 1.0 / points.stiffness)
-        self.stiffness = 0.0 if self.rigid else float(points.stiffness[0])
-        self.damping = 0.0 if self.rigid else float(points.damping[0])
-        self.lagging = 0.0 if self.rigid else float(points.damping[0] / points.stiffness[0])
-        # run-out: what cos j phi and sin j phi bring to the heights of the points
-        J = max((j for j, _, _ in unit.radial_runout), default=0)
-        runout = np.zeros((J, 2, P))
-        for j, size, chi in unit.radial_runout:
-            c, s = cos_sin(j * (CONTACT_ANGLE + points.angles - chi))
-            patch = float(contact_patch_factor(unit.replace(contact_half_angle=unit.contact_half_angle / P,
-                                                            vertical_stiffness=0.0), j))
-            runout[j - 1] += size * patch * np.stack([c, s]) / cosine
-        self.runouts, self.runout = J, _flat(runout)
-        self.angles, self.none, self.c, self.s = (_zeros(max(3 * J, 2)) for _ in range(4))
+        made = RoadConstants(unit, self.motion.model, n_max, self.points, self.most_coupled)
+        self.unit, self._angles = unit, made.contact.angles
+        self.half, self.H, self.sprung, self.winding = made.half, made.H, made.sprung, made.winding
+        self.varying, self.coupled, self.uneven, self.rounds = made.varying, made.coupled, made.uneven, made.rounds
+        self.k_s, self.c_s, self.heft, self.heavy = made.k_s, made.c_s, made.heft, made.heavy
+        self.system, self.spin, self.input, self.output = made.system, made.spin, made.input, made.output
+        self.imbalance, self.size, self.size_spin = made.imbalance, made.size, made.size_spin
+        self.tangents, self.share, self.cosines, self.ahead = made.tangents, made.share, made.cosines, made.ahead
+        self.radius, self.reach_of_patch = unit.radius, made.reach_of_patch
+        self.whole, self.turned, self.push, self.seen = made.whole, made.turned, made.push, made.seen
+        self.lag, self.rigid, self.soft = made.lag, made.rigid, made.soft
+        self.stiffness, self.damping, self.lagging = made.stiffness, made.damping, made.lagging
+        self.runouts, self.runout, self.variation = made.runouts, made.runout, made.variation
+        self.on_wheel, self.on_fore, self.held_mass = made.on_wheel, made.on_fore, made.held_mass
+        H, slots, width = self.H, self.wheels + 1, 2 * self.coupled + 2
+        self.matrix = zeros(2 * H * H)
+        self.chain, self.chain_v = zeros((_TERMS + 2) * 2 * H), zeros((_TERMS + 2) * 2 * H)
+        self.moved, self.after, self.pushed = zeros(2 * H), zeros(2 * H), zeros(2 * H)
+        self.forced, self.forced_mean = zeros(slots * 8 * H), zeros(slots * 8)
+        self.small, self.gap = zeros(self.half * (self.half + 1)), zeros(2)
+        angles = max(3 * self.runouts, 2)
+        self.angles, self.none, self.c, self.s = zeros(angles), zeros(angles), zeros(angles), zeros(angles)
+        self.wave, self.turning = zeros(4 * self.uneven + 4), zeros(1)
+        self.net, self.pull = zeros(2 * width), zeros(2 * width)
+        self.pull_begin, self.pull_end = zeros(2 * width), zeros(2 * width)
+        self.kept = zeros(2 * self.M + 2 * H + 3 * self.points + 1)
         self.matrix_at = math.nan
-        for k in range(slots):
-            self.table_length[k] = math.nan
-        self.reach = np.array(_reaches()).data
+        np.asarray(self.table_length)[:] = math.nan
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire of every wheel from now on.
@@ -238,52 +201,41 @@ class RoadMotion:
         Positions, velocities and how far each point is pressed go on as they are; a wheel or a body that comes free
         does so at rest.
         """
-        W, P, old_H, old_half = self.wheels, self.points, self.H, self.half
-        states = [np.array(self.z[w * 2 * old_H : (w + 1) * 2 * old_H]) for w in range(W)]
-        rests = [np.array(self.rest[w * 2 * old_H : (w + 1) * 2 * old_H]) for w in range(W)]
-        own = [np.array(self.own[2 * w * self.M : 2 * (w + 1) * self.M]) for w in range(W)]
-        resting = [np.array(self.rest_own[2 * w * self.M : 2 * (w + 1) * self.M]) for w in range(W)]
-        pressed = [
-            [self.loads[w] * self.share[j] * self.soft[j] + self.before[w * P + j] for j in range(P)] for w in range(W)
-        ]
-        speeds, was_sprung = [float(self.speed[w]) for w in range(W)], self.sprung
+        W, P, half, H, was_sprung = self.wheels, self.points, self.half, self.H, bool(self.sprung)
+        states = (np.asarray(self.z) + np.asarray(self.rest)).reshape(W, 2, H)
+        own = (np.asarray(self.own) + np.asarray(self.rest_own)).reshape(W, -1)
+        before = np.asarray(self.before).reshape(W, P)
+        pressed = np.outer(self.loads, np.asarray(self.share) * np.asarray(self.soft)) + before
         for w in range(W):
-            self._put_belt(w, own[w] + resting[w])
+            self._put_belt(w, own[w])
         self.motion.set_unit(on_the_road(unit))
         self.belt.set_unit(under_the_belt(unit))
         self._set_unit(unit)
-        H, half = self.H, self.half
-        self.z, self.rest = _zeros(W * 2 * H), _zeros(W * 2 * H)
+        kept = min(half, self.half)
+        after = np.zeros((W, 2, self.H))
+        after[..., :kept] = states[..., :kept]
+        if self.sprung and was_sprung:
+            after[..., -1] = states[..., -1]
+        self.z, self.rest = zeros(W * 2 * self.H), zeros(W * 2 * self.H)
         for w in range(W):
-            whole = states[w] + rests[w]
-            kept = min(half, old_half)
-            self._stand(w, speeds[w])
-            for side in range(2):
-                for k in range(kept):
-                    self.z[w * 2 * H + side * H + k] = float(whole[side * old_H + k])
-                if self.sprung and was_sprung:
-                    self.z[w * 2 * H + side * H + H - 1] = float(whole[side * old_H + old_H - 1])
-                for k in range(half):
-                    self.z[w * 2 * H + side * H + k] -= self.rest[w * 2 * H + side * H + k]
-            for k in range(2 * self.M):
-                self.own[2 * w * self.M + k] = self.belt.own[2 * w * self.M + k] - self.rest_own[2 * w * self.M + k]
-            self._look(w)
-            for j in range(P):
-                wanted = pressed[w][j] - self.loads[w] * self.share[j] * self.soft[j]
-                self.first[w * P + j] += self.before[w * P + j] - wanted
-                self.lift[w * P + j] -= self.before[w * P + j] - wanted
-                self.before[w * P + j] = wanted
-            self.publish(w)
+            self.rest_at(w)
+        rest = np.asarray(self.rest).reshape(W, 2, self.H)
+        np.asarray(self.z)[:] = after.reshape(-1)
+        z = np.asarray(self.z).reshape(W, 2, self.H)
+        z[..., : self.half] -= rest[..., : self.half]
+        np.asarray(self.own)[:] = np.asarray(self.belt.own) - np.asarray(self.rest_own)
+        wanted = pressed - np.outer(self.loads, np.asarray(self.share) * np.asarray(self.soft))
+        first, lift = np.asarray(self.first).reshape(W, P), np.asarray(self.lift).reshape(W, P)
+        for w in range(W):
+            self.look(w)
+            first[w] += before[w] - wanted[w]
+            lift[w] -= before[w] - wanted[w]
+            before[w] = wanted[w]
+            self.publish_now(w)
 
     def _put_belt(self, wheel: int, own: FloatArray) -> None:
         self.belt.waiting[wheel] = 0
-        for k, value in enumerate(own.tolist(), 2 * wheel * self.M):
-            self.belt.own[k] = value
-
-    def _stand(self, wheel: int, speed: float) -> None:
-        """The steady state at a speed, without a look at what is there."""
-        self.speed[wheel] = speed
-        self.rest_at(wheel)
+        np.asarray(self.belt.own)[2 * wheel * self.M : 2 * (wheel + 1) * self.M] = own
 
     def put(self, index: int, speed: float, angle: float, height: float) -> None:
         """Roll steadily at a speed [rad/s], under the static load, at the wheel's angle [rad], on a road this high [m].
@@ -291,30 +243,29 @@ class RoadMotion:
         Run-out is there from the first moment, and not yet in the motion.
         """
         w, P = index, self.points
+        here = slice(w * P, (w + 1) * P)
         self.belt.waiting[w] = 0
         if speed != self.belt.speed[w]:
             self.belt._eigensystem(w, speed)
-        for k in range(2 * self.M):
-            self.own[2 * w * self.M + k] = 0.0
-        for k in range(2 * self.H):
-            self.z[2 * w * self.H + k] = 0.0
-        self.first_weight[w] = 0.0
-        for j in range(P):
-            self.first[w * P + j] = 0.0
-        self._stand(w, speed)
+        np.asarray(self.own)[2 * w * self.M : 2 * (w + 1) * self.M] = 0.0
+        np.asarray(self.z)[2 * w * self.H : 2 * (w + 1) * self.H] = 0.0
+        first, lift = np.asarray(self.first), np.asarray(self.lift)
+        self.first_weight[w], first[here] = 0.0, 0.0
+        self.speed[w] = speed
+        self.rest_at(w)
         self.first_weight[w], self.weight[w] = self.weight[w], 0.0
-        for j in range(P):
-            self.first[w * P + j], self.lift[w * P + j] = self.lift[w * P + j], 0.0
-            self.forces[w * P + j] = self.loads[w] * self.share[j]
-            self.base[w * P + j] = 0.0
-        self.origin[w] = height
+        first[here], lift[here] = lift[here], 0.0
+        np.asarray(self.forces)[here] = self.loads[w] * np.asarray(self.share)
+        np.asarray(self.base)[here] = 0.0
+        self.origin[w], self.way[w], self.told[w] = height, 0.0, 0.0
+        self.know(w, [0.0], [0.0])
         self.motion.phase[w] = angle
+        np.asarray(self.slope)[:] = 0.0
         self.turned_out(w, 0.0, 0.0)
-        for j in range(P):
-            self.road[w * P + j] = self.before[w * P + j] = self.end[j] + 0.0
+        np.asarray(self.road)[here] = np.asarray(self.before)[here] = np.asarray(self.end) + 0.0
         self.contact[w] = self.loads[w]
         self.touching[w] = 1
-        self.publish(w)
+        self.publish_now(w)
 
     # -- speeds ---------------------------------------------------------------------------------------------------
 
@@ -435,9 +386,6 @@ class RoadMotion:
                 + self.lift[wheel * P + j]
                 + self.road[wheel * P + j]
             )
-
-    def _look(self, wheel: int) -> None:
-        self.look(wheel)
 
     @cython.cfunc
     @cython.nogil
@@ -709,6 +657,8 @@ class RoadMotion:
             self.angles[0] = phase
             grow(1, 0, self.none, self.angles, 1.0, self.c, self.s)
             c, s = self.c[0], self.s[0]
+        if self.varying:
+            self.push_one()
         for k in range(order):
             for r in range(H):
                 x = 0.0
@@ -716,6 +666,11 @@ class RoadMotion:
                     x = traction * self.input[2 * H + r]
                 elif k == 1:
                     x = traction_change * self.input[2 * H + r]
+                if self.varying:
+                    if k == 0:
+                        x += self.pushed[r]
+                    elif k == 1:
+                        x += self.pushed[H + r]
                 if self.heavy:
                     x += square * (c * self.imbalance[2 * r] + s * self.imbalance[2 * r + 1])
                 self.moved[r] = x
@@ -741,8 +696,12 @@ class RoadMotion:
             _ahead(N, 4, M, at, own, self.end_seen, self.mean_seen, self.own, self.Z_end, self.Z_mean)
         else:
             _ahead(N, 2, M, at, own, self.growth, self.phi_1, self.own, self.Z_end, self.Z_mean)
+        for k in range(M):
+            self.real[k] = self.imaginary[k] = 0.0
         if traction != 0.0 or traction_change != 0.0:
             self.pulled(wheel, slot, length, traction, traction_change)
+        if self.varying:
+            self.push_belt(wheel, slot, length)
         for j in range(P):
             k = wheel * P + j
             self.D_end[j] = (
@@ -907,10 +866,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def take(
-        self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, traction: cython.double,
-        traction_change: cython.double,
-    ) -> cython.void:
+    def take(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t) -> cython.void:
         """Go to the end of a step whose forces are there."""
         H: cython.Py_ssize_t = self.H
         M: cython.Py_ssize_t = self.M
@@ -950,9 +906,6 @@ class RoadMotion:
                 u += self.push[j * N + i] * self.beta[j]
                 v += self.push[push + j * N + i] * self.beta[j]
             self.felt[4 * i], self.felt[4 * i + 1], self.felt[4 * i + 2], self.felt[4 * i + 3] = x, y, u, v
-        if traction == 0.0 and traction_change == 0.0:
-            for e in range(M):
-                self.real[e] = self.imaginary[e] = 0.0
         _go_on(
             N, self.K, M, at, own, self.growth, self.from_a, self.from_b, self.felt, self.real, self.imaginary, self.own
         )
@@ -989,6 +942,7 @@ class RoadMotion:
         if slot == wheel:
             self.mid[0] = self.whole_mean
         self.tabulate(wheel, slot, h)
+        self.part_begin, self.part = done, d
         self.free(
             wheel, slot, h, phase + self.speed[wheel] * length * done, traction + traction_change * done,
             traction_change * d,
@@ -1010,7 +964,7 @@ class RoadMotion:
     @cython.nogil
     @cython.exceptval(check=False)
     def rate(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, least: cython.double) -> cython.double:
-        """u_c' at the end of a part without contact [m/s]; one point, and no traction of the belt's harmonics."""
+        """u_c' at the end of a part without contact, of one point [m/s]."""
         H: cython.Py_ssize_t = self.H
         M: cython.Py_ssize_t = self.M
         N: cython.Py_ssize_t = self.N
@@ -1034,8 +988,9 @@ class RoadMotion:
             for e in range(self.K * i, self.K * (i + 1)):
                 p = self.growth[at + e] * self.own[own + e] - self.growth[at + M + e] * self.own[own + M + e]
                 q = self.growth[at + e] * self.own[own + M + e] + self.growth[at + M + e] * self.own[own + e]
-                p += (self.from_a[at + e] + self.from_b[at + e]) * force + self.rest_own[own + e]
+                p += (self.from_a[at + e] + self.from_b[at + e]) * force + self.rest_own[own + e] + self.real[e]
                 q += (self.from_a[at + M + e] + self.from_b[at + M + e]) * force + self.rest_own[own + M + e]
+                q += self.imaginary[e]
                 u, v = self.belt.rate[wheel * M + e], self.belt.frequency[wheel * M + e]
                 p, q = u * p - v * q, u * q + v * p
                 if self.complete:
@@ -1115,7 +1070,7 @@ class RoadMotion:
                 self.settle(wheel, slot, (1.0 - done) * length)
             if t > done:
                 slot = wheel if done == 0.0 and t == 1.0 else self.wheels
-                self.take(wheel, slot, traction + traction_change * done, traction_change * (t - done))
+                self.take(wheel, slot)
             if not cut:
                 break
             touching = not touching
@@ -1133,19 +1088,324 @@ class RoadMotion:
         """One step at the present speed, to the heights ``end`` by way of the means ``mid``."""
         P: cython.Py_ssize_t = self.points
         j: cython.Py_ssize_t
+        k: cython.Py_ssize_t
         total: cython.double = 0.0
         phase: cython.double = self.motion.phase[wheel]
-        if P == 1 and not self.rigid:
-            self.parts(wheel, length, phase, traction, traction_change)
-        else:
-            self.tabulate(wheel, wheel, length)
-            self.free(wheel, wheel, length, phase, traction, traction_change)
-            self.settle(wheel, wheel, length)
-            self.take(wheel, wheel, traction, traction_change)
+        turned: cython.double = fmod(phase + self.speed[wheel] * length, _FULL_TURN)
+        end: cython.double = 0.0
+        mid: cython.double = 0.0
+        if self.varying:
+            self.sidewall(wheel, phase, self.pull_begin)
+            for k in range(4 * self.coupled + 4):
+                self.pull_end[k] = self.pull_begin[k]
+            if P == 1:
+                end, mid = self.end[0], self.mid[0]
+            self.keep(wheel, False)
+            for _ in range(self.rounds - 1):
+                self.whole_step(wheel, length, phase, traction, traction_change)
+                self.sidewall(wheel, turned, self.pull_end)
+                self.keep(wheel, True)
+                if P == 1:
+                    self.end[0], self.mid[0] = end, mid
+        self.whole_step(wheel, length, phase, traction, traction_change)
         for j in range(P):
             total += self.forces[wheel * P + j]
         self.contact[wheel] = total
-        self.motion.phase[wheel] = fmod(phase + self.speed[wheel] * length, _FULL_TURN)
+        self.motion.phase[wheel] = turned
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def whole_step(
+        self, wheel: cython.Py_ssize_t, length: cython.double, phase: cython.double, traction: cython.double,
+        traction_change: cython.double,
+    ) -> cython.void:
+        """The same, under a sidewall's pull that is a line from ``pull_begin`` to ``pull_end``."""
+        if self.points == 1 and not self.rigid:
+            self.parts(wheel, length, phase, traction, traction_change)
+            return
+        self.part_begin, self.part = 0.0, 1.0
+        self.tabulate(wheel, wheel, length)
+        self.free(wheel, wheel, length, phase, traction, traction_change)
+        self.settle(wheel, wheel, length)
+        self.take(wheel, wheel)
+
+    # -- a sidewall that varies ------------------------------------------------------------------------------------
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def keep(self, wheel: cython.Py_ssize_t, back: cython.bint) -> cython.void:
+        """Put aside what a step changes of a wheel, or take it ``back``."""
+        k: cython.Py_ssize_t
+        at: cython.Py_ssize_t = 0
+        if back:
+            for k in range(2 * self.M):
+                self.own[2 * wheel * self.M + k] = self.kept[at + k]
+            at += 2 * self.M
+            for k in range(2 * self.H):
+                self.z[2 * wheel * self.H + k] = self.kept[at + k]
+            at += 2 * self.H
+            for k in range(self.points):
+                self.forces[wheel * self.points + k] = self.kept[at + 3 * k]
+                self.before[wheel * self.points + k] = self.kept[at + 3 * k + 1]
+                self.road[wheel * self.points + k] = self.kept[at + 3 * k + 2]
+            self.touching[wheel] = 1 if self.kept[at + 3 * self.points] != 0.0 else 0
+            return
+        for k in range(2 * self.M):
+            self.kept[at + k] = self.own[2 * wheel * self.M + k]
+        at += 2 * self.M
+        for k in range(2 * self.H):
+            self.kept[at + k] = self.z[2 * wheel * self.H + k]
+        at += 2 * self.H
+        for k in range(self.points):
+            self.kept[at + 3 * k] = self.forces[wheel * self.points + k]
+            self.kept[at + 3 * k + 1] = self.before[wheel * self.points + k]
+            self.kept[at + 3 * k + 2] = self.road[wheel * self.points + k]
+        self.kept[at + 3 * self.points] = 1.0 if self.touching[wheel] else 0.0
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def sidewall(
+        self, wheel: cython.Py_ssize_t, phase: cython.double, pull: cython.double[::1]
+    ) -> cython.void:
+        """What the sidewall pulls beyond its mean at the present state, the wheel being turned by an angle.
+
+        Harmonic j of the stiffness is k_j Re[conj(P) exp(i j psi)], P = e exp(i j (phi + chi)), the net displacement
+        sum_m Re[conj(Z_m) exp(i m psi)]. Of the force, which is minus their product, n has the amplitude
+
+            -k/2 [P Z_(n - j) + P conj(Z_(j - n)) + conj(P) Z_(n + j)],  and where n - j = 0 twice that of the first,
+
+        the last of them for m = 0 the real part of half of it. Over the belt's mass per area, [m/s^2].
+        """
+        N: cython.Py_ssize_t = self.coupled
+        J: cython.Py_ssize_t = self.uneven
+        side: cython.Py_ssize_t
+        at: cython.Py_ssize_t
+        of: cython.Py_ssize_t
+        n: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        u: cython.double
+        v: cython.double
+        x: cython.double
+        y: cython.double
+        self.net_of(wheel)
+        self.turning[0] = phase
+        grow(1, 0, self.none, self.turning, 1.0, self.c, self.s)
+        x, y = self.c[0], self.s[0]
+        u, v = 1.0, 0.0
+        for j in range(J + 1):  # exp(i j phi), and P
+            for side in range(2):
+                of = 2 * side * (J + 1) + j
+                self.wave[of] = self.variation[of] * u - self.variation[of + J + 1] * v
+                self.wave[of + J + 1] = self.variation[of] * v + self.variation[of + J + 1] * u
+            u, v = u * x - v * y, u * y + v * x
+        for side in range(2):
+            at = side * (2 * N + 2)
+            of = 2 * side * (J + 1)
+            for n in range(2 * N + 2):
+                pull[at + n] = 0.0
+            for j in range(1, J + 1):
+                x, y = self.wave[of + j], self.wave[of + J + 1 + j]
+                if x == 0.0 and y == 0.0:
+                    continue
+                if j <= N:
+                    u, v = self.net[at + 2 * j], self.net[at + 2 * j + 1]
+                    pull[at] -= 0.5 * (x * u + y * v)
+                    pull[at + 2 * j] -= x * self.net[at]
+                    pull[at + 2 * j + 1] -= y * self.net[at]
+                for n in range(1, N + 1):
+                    if n > j:
+                        u, v = self.net[at + 2 * (n - j)], self.net[at + 2 * (n - j) + 1]
+                        pull[at + 2 * n] -= 0.5 * (x * u - y * v)
+                        pull[at + 2 * n + 1] -= 0.5 * (x * v + y * u)
+                    elif j > n and j - n <= N:
+                        u, v = self.net[at + 2 * (j - n)], self.net[at + 2 * (j - n) + 1]
+                        pull[at + 2 * n] -= 0.5 * (x * u + y * v)
+                        pull[at + 2 * n + 1] -= 0.5 * (y * u - x * v)
+                    if n + j <= N:
+                        u, v = self.net[at + 2 * (n + j)], self.net[at + 2 * (n + j) + 1]
+                        pull[at + 2 * n] -= 0.5 * (x * u + y * v)
+                        pull[at + 2 * n + 1] -= 0.5 * (x * v - y * u)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def net_of(self, wheel: cython.Py_ssize_t) -> cython.void:
+        """Amplitudes of the coupled harmonics, radial and tangential, net of the wheel, rest included, into ``net``.
+
+        Without stretching the tangential one follows the radial one as at rest: -i A_n/C_n of it.
+        """
+        L: cython.Py_ssize_t = self.coupled
+        M: cython.Py_ssize_t = self.M
+        at: cython.Py_ssize_t = 2 * L + 2
+        q: cython.Py_ssize_t = wheel * 2 * self.H + self.H
+        first: cython.Py_ssize_t = 2 * wheel * M
+        right: cython.Py_ssize_t = 8 * wheel * M + 4 * M
+        n: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        e: cython.Py_ssize_t
+        square: cython.double = self.speed[wheel] * self.speed[wheel]
+        a: cython.double
+        b: cython.double
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        y = self.z[q + 4] + self.rest[q + 4] if self.complete else self.z[q + 2] + self.rest[q + 2]
+        x = 0.0
+        if self.on_fore != 0.0:
+            x = self.z[q + 5] + self.rest[q + 5] if self.complete else self.z[q + 3] + self.rest[q + 3]
+        self.net[2] = self.z[q] + self.rest[q] - x
+        self.net[3] = self.z[q + 1] + self.rest[q + 1] - y
+        self.net[0] = self.net[1] = self.net[at] = self.net[at + 1] = 0.0
+        if self.complete:
+            self.net[at + 2] = self.z[q + 2] + self.rest[q + 2] - y
+            self.net[at + 3] = self.z[q + 3] + self.rest[q + 3] + x
+        else:
+            self.net[at + 2], self.net[at + 3] = self.net[3], -self.net[2]
+            if self.winding:
+                self.net[at] = self.z[q + self.half]
+        for n in range(0 if self.complete else 2, L + 1):
+            if n == 1:
+                continue
+            x = y = u = v = 0.0
+            if self.complete:
+                i = n - 1 if n else 0
+                for e in range(4 * i, 4 * i + 4):
+                    a = self.own[first + e] + self.rest_own[first + e]
+                    b = self.own[first + M + e] + self.rest_own[first + M + e]
+                    x += self.belt.right[right + e] * a - self.belt.right[right + M + e] * b
+                    y += self.belt.right[right + e] * b + self.belt.right[right + M + e] * a
+                    u += self.belt.right[right + 2 * M + e] * a - self.belt.right[right + 3 * M + e] * b
+                    v += self.belt.right[right + 2 * M + e] * b + self.belt.right[right + 3 * M + e] * a
+                if n == 0:
+                    y = v = 0.0
+            else:
+                i = n - 2
+                e = first + 2 * i
+                x = (self.own[e] + self.rest_own[e]) + (self.own[e + 1] + self.rest_own[e + 1])
+                e += M
+                y = (self.own[e] + self.rest_own[e]) + (self.own[e + 1] + self.rest_own[e + 1])
+                a = stretch_at(self.belt.table, i, square)
+                u, v = a * y, -a * x
+            self.net[2 * n], self.net[2 * n + 1] = x, y
+            self.net[at + 2 * n], self.net[at + 2 * n + 1] = u, v
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def push_one(self) -> cython.void:
+        """What the sidewall's pull does to n = 1, the wheel and the wind-up at a part's begin, and its change there."""
+        at: cython.Py_ssize_t = 2 * self.coupled + 2
+        to: cython.Py_ssize_t
+        k: cython.int
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        wound: cython.double
+        here: cython.double
+        for k in range(2):
+            here = self.part_begin if k == 0 else self.part
+            x, y = self.pull_part(2, here, k), self.pull_part(3, here, k)
+            u, v = self.pull_part(at + 2, here, k), self.pull_part(at + 3, here, k)
+            wound = self.pull_part(at, here, k)
+            to = k * self.H
+            if self.complete:
+                self.pushed[to], self.pushed[to + 1], self.pushed[to + 2], self.pushed[to + 3] = x, y, u, v
+                self.pushed[to + 4] = -self.on_wheel * (y + u)
+                if self.on_fore != 0.0:
+                    self.pushed[to + 5] = -self.on_fore * (x - v)
+            else:  # halves: a mass of both kinds, for a motion of both
+                x, y = 0.5 * (x - v), 0.5 * (y + u)
+                self.pushed[to], self.pushed[to + 1], self.pushed[to + 2] = x, y, -self.on_wheel * y
+                if self.on_fore != 0.0:
+                    self.pushed[to + 3] = -self.on_fore * x
+                if self.winding:
+                    self.pushed[to + self.half] = wound
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def pull_part(self, k: cython.Py_ssize_t, here: cython.double, change: cython.bint) -> cython.double:
+        """The line of a pull at a part of the step, or how much of its change lies in one."""
+        more: cython.double = (self.pull_end[k] - self.pull_begin[k]) * here
+        return more if change else self.pull_begin[k] + more
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def push_belt(
+        self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double
+    ) -> cython.void:
+        """What it adds to the other harmonics: own coordinates at the end, and amplitudes there and in the mean."""
+        L: cython.Py_ssize_t = self.coupled
+        M: cython.Py_ssize_t = self.M
+        N: cython.Py_ssize_t = self.N
+        at: cython.Py_ssize_t = slot * 2 * M
+        right: cython.Py_ssize_t = 8 * wheel * M + 4 * M
+        left: cython.Py_ssize_t = (8 if self.complete else 4) * wheel * M
+        other: cython.Py_ssize_t = 2 * L + 2
+        n: cython.Py_ssize_t
+        i: cython.Py_ssize_t
+        e: cython.Py_ssize_t
+        k: cython.int
+        square: cython.double = self.speed[wheel] * self.speed[wheel]
+        ratio: cython.double
+        here: cython.double
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        p: cython.double
+        q: cython.double
+        a: cython.double
+        b: cython.double
+        for n in range(0 if self.complete else 2, L + 1):
+            if n == 1:
+                continue
+            i = (n - 1 if n else 0) if self.complete else n - 2
+            ratio = 0.0 if self.complete else stretch_at(self.belt.table, i, square)
+            for k in range(2):
+                here = self.part_begin if k == 0 else self.part
+                x, y = self.pull_part(2 * n, here, k), self.pull_part(2 * n + 1, here, k)
+                u, v = self.pull_part(other + 2 * n, here, k), self.pull_part(other + 2 * n + 1, here, k)
+                if not self.complete:  # (G_r + i A/C G_t)/(1 + A/(n C))
+                    a = 1.0 / (1.0 + ratio / n)
+                    x, y = a * (x - ratio * v), a * (y + ratio * u)
+                self.push_of[4 * k], self.push_of[4 * k + 1] = length * x, length * y
+                self.push_of[4 * k + 2], self.push_of[4 * k + 3] = length * u, length * v
+            for e in range(self.K * i, self.K * (i + 1)):
+                p, q = self.belt.left[left + e], self.belt.left[left + M + e]
+                x = p * self.push_of[0] - q * self.push_of[1]
+                y = p * self.push_of[1] + q * self.push_of[0]
+                u = p * self.push_of[4] - q * self.push_of[5]
+                v = p * self.push_of[5] + q * self.push_of[4]
+                if self.complete:
+                    p, q = self.belt.left[left + 2 * M + e], self.belt.left[left + 3 * M + e]
+                    x += p * self.push_of[2] - q * self.push_of[3]
+                    y += p * self.push_of[3] + q * self.push_of[2]
+                    u += p * self.push_of[6] - q * self.push_of[7]
+                    v += p * self.push_of[7] + q * self.push_of[6]
+                p, q = self.phi_1[at + e], self.phi_1[at + M + e]
+                a, b = p * x - q * y, p * y + q * x
+                p, q = self.phi_2[at + e], self.phi_2[at + M + e]
+                a, b = a + (p * u - q * v), b + (p * v + q * u)
+                self.real[e] += a
+                self.imaginary[e] += b
+                x, y = p * x - q * y, p * y + q * x
+                p, q = self.phi_3[at + e], self.phi_3[at + M + e]
+                x, y = x + (p * u - q * v), y + (p * v + q * u)
+                if self.complete:
+                    p, q = self.belt.right[right + e], self.belt.right[right + M + e]
+                    a, b = a * p - b * q, a * q + b * p
+                    x, y = x * p - y * q, x * q + y * p
+                self.Z_end[i] += a
+                self.Z_end[N + i] += b
+                self.Z_mean[i] += x
+                self.Z_mean[N + i] += y
 
     @cython.cfunc
     @cython.nogil
@@ -1205,8 +1465,14 @@ class RoadMotion:
         height: cython.double,
         angle: cython.double,
     ) -> cython.void:
-        """Go on by a time at a speed, along a line to a height [m]; the angle is NaN where it is not known."""
+        """Go on by a time at a speed, along a line to a height [m]; the angle is NaN where it is not known.
+
+        With several points the height is that at the patch's foremost edge, and goes backward with the wheel's way.
+        """
         P: cython.Py_ssize_t = self.points
+        way: cython.double
+        move: cython.double
+        begin: cython.double
         j: cython.Py_ssize_t
         k: cython.Py_ssize_t
         count: cython.Py_ssize_t
@@ -1221,21 +1487,140 @@ class RoadMotion:
             self.lose(wheel)
             return
         count = cython.cast(cython.Py_ssize_t, pieces)
-        for j in range(P):
-            self.begin[j] = self.base[wheel * P + j]
+        way = self.way[wheel]
+        move = self.radius * speed * seconds
+        if P > 1:
+            self.lay(wheel, move, target)
+            self.told[wheel] = target
+        begin = self.base[wheel]
         for k in range(count):
-            for j in range(P):
-                if k == count - 1:
-                    self.slope[j] = target - self.base[wheel * P + j]
-                else:
-                    self.slope[j] = (target - self.begin[j]) / pieces
+            if P > 1:
+                self.way[wheel] = way + move * ((k + 1) / pieces)
+                for j in range(P):
+                    self.slope[j] = self.height_at(wheel, self.way[wheel] + self.ahead[j]) - self.base[wheel * P + j]
+            elif k == count - 1:
+                self.slope[0] = target - self.base[wheel]
+            else:
+                self.slope[0] = (target - begin) / pieces
             self.turned_out(wheel, speed, seconds / pieces)
             for j in range(P):
                 self.base[wheel * P + j] += self.slope[j]
             self.step(wheel, seconds / pieces, 0.0, 0.0)
-        for j in range(P):
-            self.base[wheel * P + j] = target
+        if P == 1:
+            self.base[wheel] = target
         self.publish_now(wheel)
+
+    # -- the road's profile under several points ------------------------------------------------------------------
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def lay(self, wheel: cython.Py_ssize_t, move: cython.double, height: cython.double) -> cython.void:
+        """Lay the road ahead of the patch's edge in the direction of a way [m], along a line to a height [m].
+
+        Heights that are told lie there. A wheel that stands is lifted as a whole by a road that moves.
+        """
+        at: cython.Py_ssize_t = 2 * wheel * _KNOTS
+        k: cython.Py_ssize_t
+        last: cython.Py_ssize_t
+        forward: cython.bint = move > 0.0
+        edge: cython.double
+        there: cython.double
+        if move == 0.0:
+            there = height - self.told[wheel]
+            for k in range(_KNOTS):
+                self.knots[at + _KNOTS + k] += there
+            return
+        edge = self.way[wheel] + (self.reach_of_patch if forward else -self.reach_of_patch)
+        last = self.known[wheel] - 1
+        k = at + ((self.knot[wheel] + (last if forward else 0)) & (_KNOTS - 1))
+        if self.knots[k] != edge:  # the wheel has turned round: what lies beyond its edge is not known
+            there = self.height_at(wheel, edge)
+            while self.known[wheel] > 0:
+                k = at + ((self.knot[wheel] + (self.known[wheel] - 1 if forward else 0)) & (_KNOTS - 1))
+                if self.knots[k] < edge if forward else self.knots[k] > edge:
+                    break
+                if not forward:
+                    self.knot[wheel] += 1
+                self.known[wheel] -= 1
+            self.put_knot(wheel, forward, edge, there)
+        last = self.known[wheel] - 1
+        if last > 0:  # close to the one before: in its place
+            k = at + ((self.knot[wheel] + (last - 1 if forward else 1)) & (_KNOTS - 1))
+            if abs(self.knots[k] - edge) < self.reach_of_patch / 64.0:
+                if not forward:
+                    self.knot[wheel] += 1
+                self.known[wheel] -= 1
+        self.put_knot(wheel, forward, edge + move, height)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_knot(
+        self, wheel: cython.Py_ssize_t, forward: cython.bint, place: cython.double, height: cython.double
+    ) -> cython.void:
+        """One more knot of the profile, and without those that lie beyond the patch's other edge, but for one."""
+        at: cython.Py_ssize_t = 2 * wheel * _KNOTS
+        k: cython.Py_ssize_t
+        if not forward:
+            self.knot[wheel] -= 1
+        self.known[wheel] += 1
+        k = (self.knot[wheel] + (self.known[wheel] - 1 if forward else 0)) & (_KNOTS - 1)
+        self.knots[at + k], self.knots[at + _KNOTS + k] = place, height
+        while self.known[wheel] > 2:
+            k = (self.knot[wheel] + (1 if forward else self.known[wheel] - 2)) & (_KNOTS - 1)
+            place = self.knots[at + k] - self.way[wheel]
+            if self.known[wheel] < _KNOTS and (
+                place > -self.reach_of_patch if forward else place < self.reach_of_patch
+            ):
+                break
+            if forward:
+                self.knot[wheel] += 1
+            self.known[wheel] -= 1
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def height_at(self, wheel: cython.Py_ssize_t, place: cython.double) -> cython.double:
+        """The road's height [m] at a place on the wheel's way [m], level beyond what is known."""
+        at: cython.Py_ssize_t = 2 * wheel * _KNOTS
+        low: cython.Py_ssize_t = 0
+        high: cython.Py_ssize_t = self.known[wheel] - 1
+        k: cython.Py_ssize_t
+        m: cython.Py_ssize_t
+        k = at + (self.knot[wheel] & (_KNOTS - 1))
+        if place <= self.knots[k]:
+            return self.knots[k + _KNOTS]
+        k = at + ((self.knot[wheel] + high) & (_KNOTS - 1))
+        if place >= self.knots[k]:
+            return self.knots[k + _KNOTS]
+        while high - low > 1:
+            m = (low + high) // 2
+            if self.knots[at + ((self.knot[wheel] + m) & (_KNOTS - 1))] <= place:
+                low = m
+            else:
+                high = m
+        k = at + ((self.knot[wheel] + low) & (_KNOTS - 1))
+        m = at + ((self.knot[wheel] + high) & (_KNOTS - 1))
+        return self.knots[k + _KNOTS] + (self.knots[m + _KNOTS] - self.knots[k + _KNOTS]) * (
+            (place - self.knots[k]) / (self.knots[m] - self.knots[k])
+        )
+
+    def know(self, index: int, places: Sequence[float], heights: Sequence[float]) -> None:
+        """Have these knots, ascending, as the profile under the points of a wheel."""
+        if self.points == 1:
+            return
+        knots = np.asarray(self.knots).reshape(self.wheels, 2, _KNOTS)
+        self.knot[index], self.known[index] = 0, len(places)
+        knots[index, 0, : len(places)], knots[index, 1, : len(places)] = places, heights
+
+    def _told(self, index: int) -> dict[str, Any]:
+        """What is known of the road under several points: how far a wheel has come, and places and heights of knots."""
+        if self.points == 1:
+            return {}
+        knots = np.asarray(self.knots).reshape(self.wheels, 2, _KNOTS)[index]
+        profile = knots[:, (self.knot[index] + np.arange(self.known[index])) % _KNOTS].tolist()
+        return {"way": float(self.way[index]), "told": float(self.told[index]), "profile": profile}
 
     @cython.cfunc
     @cython.nogil
@@ -1275,10 +1660,17 @@ class RoadMotion:
         H: cython.Py_ssize_t = self.H
         bounded: cython.bint = self.motion.read(wheel, speed)
         first: cython.Py_ssize_t = wheel * 2 * H
+        k: cython.Py_ssize_t
         value: cython.double
         if self.sprung:
             value = self.c_s * self.z[first + H - 1] + self.k_s * self.z[first + 2 * H - 1]
             self.motion.force_z -= value
+        if self.varying and self.held_mass != 0.0:  # what holds the wheel feels the whole sidewall
+            self.sidewall(wheel, self.motion.phase[wheel], self.pull)
+            k = 2 * self.coupled + 2
+            self.motion.force_x += self.held_mass * (
+                self.pull[2] - self.pull[k + 3] if self.complete else 0.5 * (self.pull[2] - self.pull[k + 3])
+            )
         value = self.contact[wheel] + self.motion.force_z
         if not abs(value) < 1e12:
             bounded = False
@@ -1407,18 +1799,15 @@ class RoadMotion:
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types; its angle is ``motion``'s."""
         w, P, H, M = index, self.points, self.H, self.M
-
-        def part(values: Any, first: int, count: int) -> list[float]:
-            return [float(values[first + k]) for k in range(count)]
-
         return {
             "speed": float(self.speed[w]),
-            "own": part(self.own, 2 * w * M, 2 * M),
-            "z": part(self.z, 2 * w * H, 2 * H),
-            **{name: part(values, w * P, P) for name, values in self._by_point().items()},
+            "own": np.asarray(self.own)[2 * w * M : 2 * (w + 1) * M].tolist(),
+            "z": np.asarray(self.z)[2 * w * H : 2 * (w + 1) * H].tolist(),
+            **{name: np.asarray(each)[w * P : (w + 1) * P].tolist() for name, each in self._by_point().items()},
             "first_weight": float(self.first_weight[w]),
             "origin": float(self.origin[w]),
             "touching": bool(self.touching[w]),
+            **self._told(w),
         }
 
     def _by_point(self) -> dict[str, Any]:
@@ -1437,20 +1826,21 @@ class RoadMotion:
         self.belt.waiting[w] = 0
         self.belt._eigensystem(w, speed)
         for name, values in self._by_point().items():
-            for j, value in enumerate(snapshot[name]):
-                values[w * P + j] = float(value)
+            np.asarray(values)[w * P : (w + 1) * P] = snapshot[name]
         self.first_weight[w], self.origin[w] = float(snapshot["first_weight"]), float(snapshot["origin"])
-        self._stand(w, speed)
-        for k, value in enumerate(snapshot["own"], 2 * w * M):
-            self.own[k] = float(value)
-        for k, value in enumerate(snapshot["z"], 2 * w * H):
-            self.z[k] = float(value)
+        if P > 1:
+            self.way[w], self.told[w] = float(snapshot["way"]), float(snapshot["told"])
+            self.know(w, *snapshot["profile"])
+        self.speed[w] = speed
+        self.rest_at(w)
+        np.asarray(self.own)[2 * w * M : 2 * (w + 1) * M] = snapshot["own"]
+        np.asarray(self.z)[2 * w * H : 2 * (w + 1) * H] = snapshot["z"]
         total = 0.0
-        for j in range(P):
-            total += self.forces[w * P + j]
+        for force in snapshot["forces"]:
+            total += float(force)
         self.contact[w] = total
         self.touching[w] = bool(snapshot["touching"])
-        self.publish(w)
+        self.publish_now(w)
 
 
 @cython.cfunc
@@ -1807,26 +2197,3 @@ def _solve(
         for j in range(k + 1, n):
             total -= matrix[at + k * n + j] * x[j]
         x[k] = total * matrix[at + k * n + k]
-
-
-def _reaches() -> list[float]:
-    """By the number of terms, the largest norm times step for which they are enough; rounded down to ten bits."""
-    reaches = [0.0]
-    for k in range(1, _TERMS + 1):
-        low, high = 0.0, 64.0
-        while high - low > 2.0**-10:
-            middle = 0.5 * (low + high)
-            enough = math.prod(middle / j for j in range(1, k + 1)) <= 2.0**-57
-            low, high = (middle, high) if enough else (low, middle)
-        reaches.append(low)
-    return reaches
-
-
-def _zeros(count: int) -> memoryview:
-    return np.zeros(max(count, 1)).data
-
-
-def _flat(array: FloatArray) -> memoryview:
-    """A copy in rows; of nothing, one zero."""
-    flat = np.array(array, dtype=np.float64, order="C").reshape(-1)
-    return (flat if flat.size else np.zeros(1)).data

@@ -27,6 +27,8 @@ class VehicleSettings:
     max_load: float = 200e3
     static_loads: tuple[float, ...] | None = None  # on the road [N]; None: loads are given
     max_road_step: float = 0.25
+    contact_points: int = 1
+    coupled_harmonics: int = 30
 
 
 def check_wheel(index: int, count: int) -> None:

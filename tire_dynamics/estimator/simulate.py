@@ -14,7 +14,8 @@ from ..science.stepping import Steps
 from ..science.unit import TireWheelUnit
 from .belt import BeltMotion, belt_numbers, shape_basis
 from .motion import Motion
-from .road_motion import RoadMotion, on_the_road, under_the_belt
+from .road_constants import on_the_road, under_the_belt
+from .road_motion import RoadMotion
 
 __all__ = ["Response", "simulate"]
 
@@ -69,6 +70,7 @@ def simulate(
     road: ArrayLike | None = None,
     static_load: float | None = None,
     contact_points: int = 1,
+    coupled_harmonics: int | None = None,
 ) -> Response:
     """The unit's motion under given speed, load and traction, or on a road.
 
@@ -98,6 +100,9 @@ def simulate(
     contact_points : int
         With ``road``: how many points along the patch touch it. Under each lies the height that the wheel has, or had,
         where it is itself, so that more than one ask for a speed that does not change its sign.
+    coupled_harmonics : int, optional
+        With ``road``: up to which of the belt's harmonics a sidewall that varies couples them with one another, the
+        wheel and the contact; 0: it does not vary. All of them unless it is given.
 
     Returns
     -------
@@ -115,8 +120,8 @@ def simulate(
     deflection. What turns with a tire that is not the same all around acts on n = 1 and the wheel.
 
     On the road the step is exact but for the contact force, linear over 2.5 ms at the most, and for the speed, held at
-    its mean over these: third order, in a speed that varies second. Run-out and imbalance act there; what of the
-    sidewall varies is left out.
+    its mean over these: third order, in a speed that varies second. Run-out and imbalance act there, and a sidewall
+    that varies, whose forces are lines over the step too, which is of second order.
     """
     t = np.asarray(time, dtype=np.float64)
     if t.ndim != 1 or t.size == 0 or not np.isfinite(t).all():
@@ -131,9 +136,16 @@ def simulate(
             raise ValueError(f"initial is {initial!r}; on the road it must be 'equilibrium'")
         pull = _series("traction", 0.0 if traction is None else traction, t.size)
         height = _series("road", road, t.size)
-        return _on_the_road(unit, t, omega, height, pull, float(static_load), contact_points, n_max, psi, model, angle)
+        coupled = n_max if coupled_harmonics is None else coupled_harmonics
+        if isinstance(coupled, bool) or not isinstance(coupled, (int, np.integer)) or coupled < 0:
+            raise ValueError(f"coupled_harmonics is {coupled!r}; it must be an integer >= 0")
+        return _on_the_road(
+            unit, t, omega, height, pull, float(static_load), contact_points, coupled, n_max, psi, model, angle
+        )
     if contact_points != 1:
         raise ValueError(f"contact_points is {contact_points!r}; it must be 1 under a given load")
+    if coupled_harmonics is not None:
+        raise ValueError(f"coupled_harmonics is {coupled_harmonics!r}; it must not be given under a given load")
     assert load is not None
     force = np.stack(
         [_series("load", load, t.size), _series("traction", 0.0 if traction is None else traction, t.size)], axis=1
@@ -179,6 +191,7 @@ def _on_the_road(
     pull: FloatArray,
     static_load: float,
     points: int,
+    coupled: int,
     n_max: int,
     psi: ArrayLike | None,
     model: wheel.Model,
@@ -187,7 +200,7 @@ def _on_the_road(
     """:func:`simulate` on the road."""
     motion = Motion(on_the_road(unit), model, 1)
     belt = BeltMotion(under_the_belt(unit), model, n_max, 1, [0.0] if psi is None else psi)
-    road = RoadMotion(unit, motion, belt, [static_load], points)
+    road = RoadMotion(unit, motion, belt, [static_load], points, coupled)
     road.put(0, float(omega[0]), angle, float(height[0]))
     heights = _under_the_points(unit, road.angles_of_points(), t, omega, height)
     shapes: list[FloatArray] = []

@@ -11,15 +11,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..science import contact as on_road
 from ..science import nonuniform, wheel
 from ..science.floquet import FloquetResult
 from ..science.unit import TireWheelUnit
 from .settings import VehicleSettings
 from .wheels import Wheels
 
-__all__ = ["Belt", "Output", "Vehicle", "VehicleSettings", "WheelInputs", "joint_places", "stability_reply"]
+__all__ = [
+    "Belt",
+    "Output",
+    "Vehicle",
+    "VehicleSettings",
+    "WheelInputs",
+    "joint_places",
+    "modes_on_the_road",
+    "stability_reply",
+]
 
 FloatArray = NDArray[np.float64]
+
+_MOST_VARYING = 5
 
 
 class Output(NamedTuple):
@@ -212,7 +224,8 @@ class Vehicle:
         name, speed = self.settings.wheels[index], self.inputs[index].speed
         if self.wheels.on_road:
             settings = self.settings
-            return stability_reply(name, self.unit, speed, settings.model, settings.n_max, contact=True)
+            n_max = modes_on_the_road(self.unit, settings.n_max)
+            return stability_reply(name, self.unit, speed, settings.model, n_max, contact=True)
         if not quick or self.unit.is_uniform:
             return stability_reply(name, self.unit, speed, self.settings.model)
         if speed:
@@ -233,6 +246,14 @@ def _remembered_reply(unit: TireWheelUnit, speed: float, model: wheel.Model) -> 
     return stability_reply("", unit, speed, model)
 
 
+def modes_on_the_road(unit: TireWheelUnit, n_max: int) -> int:
+    """The belt harmonics whose stability on the road is looked at: all, and of a varying sidewall's, coupled, five.
+
+    Five take half a second at 20 rad/s, and the work grows as their cube.
+    """
+    return min(n_max, _MOST_VARYING) if on_road.is_varying(unit) else n_max
+
+
 def stability_reply(
     name: str,
     unit: TireWheelUnit,
@@ -241,18 +262,36 @@ def stability_reply(
     n_max: int = 1,
     contact: bool = False,
 ) -> dict[str, Any]:
-    """The Floquet stability of a unit at a speed [rad/s], of modes up to ``n_max``, as the service's JSON has it.
+    """The Floquet stability of a unit at a speed [rad/s], as the service's JSON and the command have it.
 
-    With ``contact`` on the road, without lift-off, of the mean tire: what varies of the sidewall does not act there.
+    Parameters
+    ----------
+    name : str
+        Of the wheel.
+    unit : TireWheelUnit
+    speed : float
+        [rad/s]
+    model : {"inextensional", "complete"}
+    n_max : int
+        Highest belt harmonic. On the road :func:`modes_on_the_road` says how many are looked at.
+    contact : bool
+        On the road, without lift-off, or under a given load.
+
+    Returns
+    -------
+    dict
+        The same keys in both states. The critical speed is the mean tire's; where the nearest tongue begins is not
+        known on the road.
     """
     if contact:
-        found = wheel.stability(unit.mean, speed, model, contact=True, n_max=n_max)
+        found = wheel.stability(unit, speed, model, contact=True, n_max=n_max)
         critical = wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max)
-        return _reply(name, speed, found, critical, contact=True, periodicity="reducible")
+        periodicity = "irreducible" if on_road.is_varying(unit) else "reducible"
+        return _reply(name, speed, found, critical, n_max, contact=True, periodicity=periodicity)
     sidewall = nonuniform.Nonuniformity.of(unit)
     result = nonuniform.stability(unit, sidewall, speed, model, n_max)
     return _reply(
-        name, speed, result, wheel.critical_speed(unit, model), contact=False,
+        name, speed, result, wheel.critical_speed(unit, model), n_max, contact=False,
         periodicity="irreducible" if nonuniform.is_irreducibly_periodic(unit, model, n_max) else "reducible",
         **_nearest_tongue(unit, sidewall, speed, model),
     )  # fmt: skip
@@ -278,6 +317,7 @@ def _reply(
     speed: float,
     result: FloquetResult,
     critical: float | None,
+    n_max: int,
     *,
     contact: bool,
     periodicity: str,
@@ -300,4 +340,5 @@ def _reply(
         "nearest_tongue_scale": scale,
         "nearest_tongue_scale_first_order": first_order,
         "contact": contact,
+        "n_max": n_max,
     }

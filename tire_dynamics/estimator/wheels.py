@@ -32,7 +32,7 @@ else:
     from .schedule import Schedule
 
 from .belt import ring_angles
-from .road_motion import on_the_road, under_the_belt
+from .road_constants import on_the_road, under_the_belt
 
 __all__ = ["Wheels"]
 
@@ -109,7 +109,10 @@ class Wheels:
         if settings.static_loads is not None:
             self.motion = Motion(on_the_road(settings.unit), settings.model, count)
             self.belt = BeltMotion(under_the_belt(settings.unit), settings.model, settings.n_max, count, psi)
-            road = RoadMotion(settings.unit, self.motion, self.belt, settings.static_loads)
+            road = RoadMotion(
+                settings.unit, self.motion, self.belt, settings.static_loads, settings.contact_points,
+                settings.coupled_harmonics,
+            )  # fmt: skip
         else:
             self.motion = Motion(settings.unit, settings.model, count)
             self.belt = BeltMotion(settings.unit, settings.model, settings.n_max, count, psi)

@@ -8,8 +8,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from ..estimator.belt import BeltMotion
+from ..estimator.motion import Motion
+from ..estimator.road_constants import on_the_road, under_the_belt
+from ..estimator.road_motion import RoadMotion
 from ..science import contact, road, wheel
-from ..science.contact_step import ContactStepper
 from ..science.unit import TireWheelUnit
 
 __all__ = ["CAUSES", "CLEAT", "MOUNTS", "SNAPSHOTS", "cleat", "force_variation", "load_or_road", "road_unit"]
@@ -60,18 +63,22 @@ def cleat() -> Table:
     table: Table = {"time_ms": np.asarray(1e3 * time, dtype=np.float64)}
     psi = np.linspace(0.0, 2.0 * math.pi, time.size)
     for points in (1, 9):
-        stepper = ContactStepper(unit, LOAD, CLEAT_SPEED, points=points)
-        place = -unit.radius * np.sin(stepper.points.angles)  # ahead of the axle
+        motion = Motion(on_the_road(unit), "inextensional", 1)
+        belt = BeltMotion(under_the_belt(unit), "inextensional", 30, 1, psi)
+        stepper = RoadMotion(unit, motion, belt, [LOAD], points)
+        stepper.put(0, CLEAT_SPEED, 0.0, 0.0)
+        place = -unit.radius * np.sin(stepper.angles_of_points())  # ahead of the axle
         patch = 2.0 * unit.radius * math.sin(unit.contact_half_angle / points)
         felt = profile.averaged(patch)  # each point stands for its part
-        rows = [[*stepper.axle_force(), stepper.force.sum()]]
+        heights = felt.at(CLEAT_SPEED * unit.radius * time[:, None] + place)
+        rows = [[*stepper.axle_force(0), stepper.contact_of(0)]]
         shapes = []
         for k in range(1, time.size):
-            s = CLEAT_SPEED * unit.radius * time[k - 1 : k + 1, None] + place
-            stepper.step(step, felt.at(s[1]), felt.mean(s[0], s[1]))
-            rows.append([*stepper.axle_force(), stepper.force.sum()])
+            both = slice(k - 1, k + 1)
+            stepper.follow_lines(table["time_ms"][both] / 1e3, np.full(2, CLEAT_SPEED), heights[both], np.zeros(2))
+            rows.append([*stepper.axle_force(0), stepper.contact_of(0)])
             if points == 9 and any(abs(1e3 * time[k] - at) < 1e-6 for at in SNAPSHOTS):
-                shapes.append((stepper.belt(psi), stepper.wheel_height()))
+                shapes.append((stepper.deflection(0)[0], float(motion.state_of(0)[-1])))
         for name, column in zip(("axle_x", "axle_z", "contact"), np.array(rows).T, strict=True):
             table[f"{name}_{points}_points_N"] = column
     table["psi_deg"] = np.degrees(psi)

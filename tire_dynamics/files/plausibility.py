@@ -19,6 +19,7 @@ RECORD = "tire_dynamics.import"
 
 _LEAST_LOAD = 100.0  # [N] in the mean; a wheelchair's wheel has more
 _MOST_LOAD = 2e5  # [N], of the largest mine truck's tires nearly 1 MN
+_LEAST_SHARE = 2.0  # of the unsprung weight; the axle of an empty trailer carries as much, all others more
 _MOST_SPEED = 500.0  # [rad/s] in the mean; 540 km/h of a car
 _ALIKE = 1.5  # between the wheels of a vehicle, mean speeds differ by less
 _FEW = 20  # samples of which nothing is said
@@ -73,6 +74,8 @@ class Plausibility:
     ----------
     weight : float, optional
         What each wheel carries at rest [N], where it is known.
+    unsprung : float, optional
+        What wheel and tire weigh by themselves [N]; looked at where ``weight`` is not known.
 
     Attributes
     ----------
@@ -80,9 +83,9 @@ class Plausibility:
         Whether there were samples that it was not given: to be set by whoever left them out.
     """
 
-    def __init__(self, weight: float | None = None) -> None:
+    def __init__(self, weight: float | None = None, unsprung: float | None = None) -> None:
         self.partial = False
-        self._weight = weight
+        self._weight, self._unsprung = weight, unsprung
         self._speeds: dict[str, _Sums] = {}
         self._loads: dict[str, _Sums] = {}
 
@@ -93,6 +96,11 @@ class Plausibility:
     def loads(self, wheel: str, times: ArrayLike, values: ArrayLike) -> None:
         """Take vertical loads of a wheel [N] at times [ns], later than those taken before."""
         self._add(self._loads, wheel, times, values)
+
+    def sums(self, quantity: str, wheel: str, count: int, total: float, size: float, squares: float) -> None:
+        """Take the sums of many speeds or loads ("speed", "load"): how many, of values, their sizes and squares."""
+        of = self._speeds if quantity == "speed" else self._loads
+        of[wheel] = _Sums(count, total, size, squares)
 
     def _add(self, of: dict[str, _Sums], wheel: str, times: ArrayLike, values: ArrayLike) -> None:
         import numpy as np
@@ -105,7 +113,7 @@ class Plausibility:
         loads = {wheel: sums for wheel, sums in self._loads.items() if sums.count >= _FEW}
         speeds = {wheel: sums for wheel, sums in self._speeds.items() if sums.count >= _FEW}
         return [
-            *_of_loads(loads, self._weight),
+            *_of_loads(loads, self._weight, self._unsprung),
             *_of_speeds(speeds, self.partial),
             *_of_times(speeds, "speeds"),
             *_of_times(loads, "loads"),
@@ -175,7 +183,7 @@ def _listed(wheels: Mapping[str, _Sums]) -> str:
     return ", ".join(wheels)
 
 
-def _of_loads(loads: Mapping[str, _Sums], weight: float | None) -> Iterator[str]:
+def _of_loads(loads: Mapping[str, _Sums], weight: float | None, unsprung: float | None) -> Iterator[str]:
     below = {wheel: sums for wheel, sums in loads.items() if sums.mean <= 0.0}
     if below:
         worst = min(sums.mean for sums in below.values())
@@ -190,6 +198,14 @@ def _of_loads(loads: Mapping[str, _Sums], weight: float | None) -> Iterator[str]
         mean = max(sums.mean for sums in large.values())
         yield f"the mean load of {_listed(large)} is {mean:.3g} N, or {mean / 9806.65:.3g} t: in which unit is it?"
     if weight is None:
+        less = {wheel: sums for wheel, sums in above.items() if unsprung and sums.mean < _LEAST_SHARE * unsprung}
+        less = {wheel: sums for wheel, sums in less.items() if wheel not in small}
+        if less:
+            mean = max(sums.mean for sums in less.values())
+            yield (
+                f"the mean load of {_listed(less)} is {mean:.4g} N, hardly more than wheel and tire weigh by "
+                f"themselves, {unsprung:.4g} N: is it in kg, or of an acceleration in g?"
+            )
         return
     off: dict[str, list[str]] = {}
     for wheel, sums in above.items():

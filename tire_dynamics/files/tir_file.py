@@ -186,7 +186,7 @@ _BY_CASE = {"Mg": 1e3, "MN": 1e6}  # a milligram and a millinewton in small lett
 class _Key(NamedTuple):
     """Where a key stands, and between which bounds in SI units a tire's may be: from a bicycle's to a mine truck's."""
 
-    section: str  # "" where its name is unmistakable, which versions of the format put here and there
+    sections: tuple[str, ...]  # empty where its name is unmistakable, which versions of the format put here and there
     quantity: str
     unit: str
     low: float
@@ -197,19 +197,19 @@ PRESSURES: Final = ("INFLPRES", "IP", "NOMPRES", "IP_NOM")
 """The keys of an inflation pressure, the first that is there counts."""
 
 KEYS: Final[Mapping[str, _Key]] = {
-    "BELT_MASS": _Key("", "mass", "kg", 0.05, 5000.0),
-    "BELT_IYY": _Key("", "inertia", "kg m^2", 1e-4, 2e4),
-    "FREQ_LONG": _Key("", "frequency", "Hz", 1.0, 1000.0),
-    "FREQ_WINDUP": _Key("", "frequency", "Hz", 1.0, 1000.0),
-    "DAMP_LONG": _Key("", "ratio", "", 0.0, 1.0),
-    "WIDTH": _Key("DIMENSION", "length", "m", 0.01, 2.0),
-    "UNLOADED_RADIUS": _Key("DIMENSION", "length", "m", 0.05, 3.0),
-    "RIM_RADIUS": _Key("DIMENSION", "length", "m", 0.02, 2.0),
-    "ASPECT_RATIO": _Key("DIMENSION", "ratio", "", 0.05, 2.0),
-    "MASS": _Key("INERTIA", "mass", "kg", 0.05, 1e4),
-    "IYY": _Key("INERTIA", "inertia", "kg m^2", 1e-4, 5e4),
-    "VERTICAL_STIFFNESS": _Key("", "stiffness", "N/m", 1e3, 1e8),
-    **dict.fromkeys(PRESSURES, _Key("", "pressure", "Pa", 1e4, 5e6)),
+    "BELT_MASS": _Key((), "mass", "kg", 0.05, 5000.0),
+    "BELT_IYY": _Key((), "inertia", "kg m^2", 1e-4, 2e4),
+    "FREQ_LONG": _Key((), "frequency", "Hz", 1.0, 1000.0),
+    "FREQ_WINDUP": _Key((), "frequency", "Hz", 1.0, 1000.0),
+    "DAMP_LONG": _Key((), "ratio", "", 0.0, 1.0),
+    "WIDTH": _Key(("DIMENSION",), "length", "m", 0.01, 2.0),
+    "UNLOADED_RADIUS": _Key(("DIMENSION",), "length", "m", 0.05, 3.0),
+    "RIM_RADIUS": _Key(("DIMENSION",), "length", "m", 0.02, 2.0),
+    "ASPECT_RATIO": _Key(("DIMENSION",), "ratio", "", 0.05, 2.0),
+    "MASS": _Key(("INERTIA",), "mass", "kg", 0.05, 1e4),
+    "IYY": _Key(("INERTIA",), "inertia", "kg m^2", 1e-4, 5e4),
+    "VERTICAL_STIFFNESS": _Key(("VERTICAL", "PARAMETER"), "stiffness", "N/m", 1e3, 1e8),
+    **dict.fromkeys(PRESSURES, _Key((), "pressure", "Pa", 1e4, 5e6)),
 }
 """The keys that are read: their values can be given in place of the file's."""
 
@@ -277,7 +277,7 @@ class TirFile:
     def number(self, key: str) -> float | None:
         """The value of one of ``KEYS`` in SI units; None if it is not there, blank, or 0 where that means nothing."""
         place = KEYS[key]
-        entry = self._entry(key, [place.section, ""] if place.section else set(self._sections) - {"UNITS", *_HEADERS})
+        entry = self._entry(key, self._sections_of(key))
         if entry is None:
             return None
         if not _NUMBER.fullmatch(entry.text):
@@ -292,6 +292,11 @@ class TirFile:
             bounds = "in [0, 1)" if key == "DAMP_LONG" else f"from {place.low:g} to {place.high:g} {place.unit}"
             raise ValueError(f"{self._named(key, entry)}{converted}; it must be {bounds}{self._other_unit(key, plain)}")
         return value
+
+    def _sections_of(self, key: str) -> Iterable[str]:
+        """The sections in which a key is the tire's."""
+        named = KEYS[key].sections
+        return (*named, "") if named else self._sections.keys() - {"UNITS", *_HEADERS}
 
     def usable(self, key: str) -> float | None:
         """The same; None also of a value that cannot be used."""
@@ -328,10 +333,18 @@ class TirFile:
         return key
 
     def passed_over(self) -> Iterator[str]:
-        """Of each key that has no value but a line without an equals sign, that line in words."""
+        """Of each key that has no value but a line without an equals sign or in another section, that line in words."""
         for key, entry in self._loose.items():
             if not any(keys.get(key) for keys in self._sections.values()) and key not in self._given:
                 yield f"line {entry.line} is {entry.text[:40]!r}, which is not read; it must be {key} = value"
+        for key, (named, *_) in KEYS.items():
+            if not named or key in self._given or any(self._sections.get(name, {}).get(key) for name in (*named, "")):
+                continue
+            where = " or ".join(f"[{name}]" for name in named)
+            for name in self._sections.keys() - {"UNITS", *_HEADERS}:
+                for entry in self._sections[name].get(key, [])[:1]:
+                    if entry.text:
+                        yield f"{key} in line {entry.line} is in [{name}], and not read; the tire's is in {where}"
 
     def _unit(self, name: str, default: float) -> float:
         entry = self._entry(name, ["UNITS"]) or self._entry(name, _HEADERS) or self._entry(name, [""], words=True)

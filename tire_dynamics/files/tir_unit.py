@@ -192,11 +192,6 @@ def _made(file: TirFile, given: Mapping[str, Any], estimates: Mapping[str, Estim
         raise ValueError(
             f"{path}: sqrt(BELT_IYY/BELT_MASS), the radius, is {a:g} m; it must be from {_RADIUS[0]} to {_RADIUS[1]} m"
         )
-    free = file.number("UNLOADED_RADIUS")
-    if free is not None and a > free:
-        raise ValueError(
-            f"{path}: sqrt(BELT_IYY/BELT_MASS), the radius, is {a:g} m; it must be at most UNLOADED_RADIUS = {free:g} m"
-        )
     k_1 = mass * (2.0 * math.pi * long) ** 2
     k_theta = inertia * (2.0 * math.pi * windup) ** 2 / (2.0 * math.pi * a**3)  # times b, as k_z
     k_z = k_1 / (math.pi * a) - k_theta
@@ -357,6 +352,8 @@ def _doubts(file: TirFile, a: float, estimates: Mapping[str, Estimate]) -> Itera
             yield str(error).removeprefix(f"{file.path}: ")
     if free is not None and rim is not None and rim >= free:
         yield f"RIM_RADIUS = {rim:g} m is not less than UNLOADED_RADIUS = {free:g} m"
+    elif own and free is not None and a > free:
+        yield f"the belt's radius, sqrt(BELT_IYY/BELT_MASS) = {a:.4g} m, is more than UNLOADED_RADIUS = {free:g} m"
     elif own and rim is not None and a <= rim:
         yield f"the belt's radius, sqrt(BELT_IYY/BELT_MASS) = {a:.4g} m, is within RIM_RADIUS = {rim:g} m"
     elif own and free is not None and rim is not None and a < rim + 0.2 * (free - rim):

@@ -29,20 +29,23 @@ class InputDoubts:
     reader : BagReader
         Of the bag that the inputs come from: what its import found doubtful stands in it.
     values, names : mapping
-        As of a :class:`~tire_dynamics.replay.replay.Plan`. A ``tire.sprung_mass`` tells what a wheel carries at rest.
+        As of a :class:`~tire_dynamics.replay.replay.Plan`. What a wheel carries at rest is known by a
+        ``tire.sprung_mass``; without, it is more than wheel and tire weigh.
     """
 
     def __init__(self, reader: BagReader, values: Mapping[str, Any], names: Mapping[str, str]) -> None:
         unit = unit_of(values)
-        mass = unit.sprung_mass + unit.wheel_mass + unit.ring_mass
-        self._seen = Plausibility(mass * GRAVITY if unit.sprung_mass else None)
+        unsprung = (unit.wheel_mass + unit.ring_mass) * GRAVITY
+        weight = unsprung + unit.sprung_mass * GRAVITY if unit.sprung_mass else None
+        self._seen = Plausibility(weight, unsprung)
         self._recorded = reader.metadata.get(RECORD, {}).get("doubts", "")
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
-        self._inputs = {names["joint_states"]: ("joint_states", "")}
+        self._inputs = {names["joint_states"]: ("joint_states", "")} if "joint_states" in names else {}
         for wheel in values["wheels"]:
-            on_road = values["load_source"] == "road"  # of whose heights nothing is odd
-            for what in ("wheel_speed",) if on_road else ("wheel_speed", "load", "load_force"):
-                self._inputs[names[f"{wheel}/{what}"]] = what, wheel
+            given = values["load_source"] == "topic"  # of a road's heights nothing is odd
+            for what in ("wheel_speed", "load", "load_force") if given else ("wheel_speed",):
+                if (topic := f"{wheel}/{what}") in names:
+                    self._inputs[names[topic]] = what, wheel
         self._decoder = messages.JointStateDecoder()
         self._skip = True  # was the block before
         self._source: dict[tuple[str, str], str] = {}  # the kind of topic by quantity and wheel: the first to come

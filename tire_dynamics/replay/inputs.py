@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from ..bag import BagReader
 from ..bag.clock import stamps_of
+from ..bag.fields import OTHER_FIELDS
 from ..cdr import messages
 from ..files.errors import InputError
+from .input_map import sources
 
 __all__ = ["first_reasons", "hint", "reasons"]
 
@@ -24,6 +26,11 @@ _JOINTS = "joint_states"
 
 _OTHER_CLOCK = "stamps and times of receipt are of different clocks"
 _TAKEN = "taken"
+_TOPICS = {
+    "topic": ("wheel_speed", "load", "load_force"),
+    "road": ("wheel_speed", "road_height"),
+    "estimate": ("wheel_speed",),
+}
 
 
 class _Source:
@@ -64,10 +71,17 @@ class _Tally:
         self._joints = dict(zip(values["wheels"], values["joint_names"], strict=True))
         self.sources = {(wheel, what): _Source() for wheel in wheels for what in ("speed", "load")}
         self.joint_names: dict[str, None] = {}  # in the order of their coming
-        self.topics = {names[_JOINTS]: (_JOINTS, "")}
+        self.topics = {names[_JOINTS]: (_JOINTS, "")} if _JOINTS in names else {}
         for wheel in dict.fromkeys(wheel for wheel, _ in self.sources):
-            for what in ("wheel_speed", "road_height") if on_road else ("wheel_speed", "load", "load_force"):
-                self.topics[names[f"{wheel}/{what}"]] = what, wheel
+            for what in _TOPICS[values["load_source"]]:
+                if (topic := f"{wheel}/{what}") in names:
+                    self.topics[names[topic]] = what, wheel
+        mapped = {source.quantity for source in sources(values)}
+        for (_, what), source in self.sources.items():  # what comes by the field map is not looked at here
+            estimated = values["load_source"] == "estimate" or on_road and "road_height" in mapped
+            if what in mapped or what == "load" and estimated:
+                source.messages += 1
+                source.add(_TAKEN, 1)
         self._decoder = messages.JointStateDecoder()
 
     def add(self, topic: str, log_time: NDArray[np.int64], data: bytes, start: Any, size: Any) -> None:
@@ -191,6 +205,11 @@ def first_reasons(reader: BagReader, values: Mapping[str, Any], names: Mapping[s
         if topic not in reader.topics or reader.counts[topic] == 0:
             continue
         encoding = reader.encodings[topic]
+        if encoding == OTHER_FIELDS:
+            raise InputError(
+                f"{reader.path}: {topic} is said to be {reader.topics[topic]}, but the bag's own definition of that "
+                "type has other fields; what its messages hold is not known"
+            )
         if encoding != "cdr":
             raise InputError(f"{reader.path}: {topic} is encoded as {encoding}, and only cdr is read{hint(encoding)}")
         try:
@@ -249,6 +268,8 @@ def reasons(
 
 def hint(encoding: str) -> str:
     """What helps where a topic has another encoding than CDR."""
+    if encoding == OTHER_FIELDS:
+        return "; the bag's own definition of its type has other fields"
     if encoding == "ros1":
         return "; the bag of ROS 1 itself (.bag) is read"
     return "; record it with ros2 bag" if encoding in ("json", "protobuf", "flatbuffer") else ""

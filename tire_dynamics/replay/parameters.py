@@ -11,18 +11,31 @@ from dataclasses import dataclass
 from os import PathLike
 from typing import Any, Literal
 
+from ..estimator.load_equations import SensorNoise
 from ..estimator.vehicle import VehicleSettings
+from ..estimator.vehicle_parameters import VehicleParameters
 from ..files.errors import InputError
+from ..files.vehicle_file import read_vehicle
 from ..files.yaml_file import read_yaml
-from ..science.contact_step import ContactPoints
+from ..science.contact_points import ContactPoints
 from ..science.unit import HARMONICS, RATIOS, WIDEST_CONTACT, TireWheelUnit
+from .input_map import QUANTITIES, sources
 
-__all__ = ["PARAMETERS", "Parameter", "complete", "is_of_every_node", "read_config", "unit_of", "vehicle_settings"]
+__all__ = [
+    "CAR", "PARAMETERS", "Parameter", "car_of", "complete", "is_of_every_node", "noise_of", "read_car", "read_config",
+    "read_inputs", "unit_of", "vehicle_settings",
+]  # fmt: skip
 
 NODE_NAME = "tire_dynamics"
+
+CAR = ("front_left", "front_right", "rear_left", "rear_right")
+"""The wheels of a field map, where nothing else names them."""
+
 _MAX_WHEELS = 100  # each takes time at every tick, and a bag may name any number
 
-Kind = Literal["boolean", "double", "double[]", "integer", "string", "string[]"]
+Kind = Literal[
+    "boolean", "double", "double[]", "double | double[]", "integer", "string", "string[]", "string | string[]"
+]  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -40,11 +53,15 @@ class Parameter:
 
     def check(self, value: Any) -> Any:
         """The value in its Python type; ``ValueError`` names the parameter, the value and the bound."""
-        if self.kind == "string[]":
+        if self.kind == "string | string[]" and isinstance(value, str):
+            return (value,) if value else ()
+        if self.kind in ("string[]", "string | string[]"):
             if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
                 raise ValueError(f"{self.name} is {value!r}; it must be a list of names")
             return tuple(value)
-        if self.kind == "double[]":
+        if self.kind == "double | double[]" and type(value) is float:
+            value = (value,)
+        if self.kind in ("double[]", "double | double[]"):
             if not isinstance(value, (list, tuple)) or not all(type(item) is float for item in value):
                 raise ValueError(f"{self.name} is {value!r}; it must be a list of floating-point numbers")
             if not all(map(math.isfinite, value)):
@@ -146,6 +163,63 @@ def _tire_parameters() -> tuple[Parameter, ...]:
     return tuple(rows)
 
 
+def _input_parameters() -> Iterator[Parameter]:
+    """The field map: rows for each quantity."""
+    for name, quantity in QUANTITIES.items():
+        prefix, units = f"inputs.{name}", (*quantity.units, *quantity.linear)
+        yield Parameter(
+            f"{prefix}.topic", "string | string[]", (), f"where it comes from: {quantity.what}; empty: not mapped"
+        )
+        yield Parameter(f"{prefix}.type", "string", "", "type of its messages, such as std_msgs/msg/Float32MultiArray")
+        yield Parameter(
+            f"{prefix}.field", "string | string[]", (), "path of the field in the message, such as wheels[2].omega"
+        )
+        yield Parameter(f"{prefix}.unit", "string", units[0], "unit of the field", choices=units)
+        if not quantity.size:
+            yield Parameter(
+                f"{prefix}.order", "string | string[]", (), "wheels in the order of its values; default: wheels"
+            )
+        yield Parameter(
+            f"{prefix}.stamp", "string", "", "field of the time stamp, or receipt; default: header.stamp if there"
+        )
+        yield Parameter(
+            f"{prefix}.sign", "double | double[]", (), "factor on its values: 1.0 or -1.0, for all or for each"
+        )
+        yield Parameter(
+            f"{prefix}.zero", "double | double[]", (), "what its values are where the quantity is zero, in their unit"
+        )
+        if quantity.linear:
+            yield Parameter(
+                f"{prefix}.radius", "double", 0.0, "rolling radius, to make rad/s of m/s, km/h or mph [m]", 0.0, 10.0
+            )
+
+
+def _car_parameters() -> Iterator[Parameter]:
+    """A car, and the noise of its sensors, for loads that are estimated."""
+    for field in dataclasses.fields(VehicleParameters):
+        what = f"with load_source estimate: {field.metadata['meaning']} [{field.metadata['unit']}]"
+        if field.metadata["count"] == 1:
+            yield Parameter(f"vehicle.{field.name}", "double", 0.0, f"{what}; 0: not given", 0.0, 1e9)
+        else:
+            many = f"{field.metadata['count']} numbers"
+            yield Parameter(f"vehicle.{field.name}", "double[]", (), f"{what}; {many}")
+    for name, default in vars(SensorNoise()).items():
+        what = f"with load_source estimate: {_NOISE[name]}, one standard deviation"
+        yield Parameter(f"sensor_noise.{name}", "double", default, what, 1e-9, 1e3)
+
+
+_NOISE = {
+    "acceleration": "white noise of the IMU's accelerations [m/s^2]",
+    "angular_rate": "white noise of the IMU's rates [rad/s]",
+    "acceleration_bias": "constant error of the IMU's accelerations [m/s^2]",
+    "angular_rate_bias": "constant error of the IMU's rates [rad/s]",
+    "travel": "noise of a travel [m]",
+    "hub_acceleration": "noise of a hub's acceleration [m/s^2]",
+    "speed_slope": "what slope and bank add to what wheel speeds tell, without an IMU [m/s^2]",
+    "mass": "error of the sprung mass, over the mass",
+    "tip": "error of the lever of the body's weight as it leans, over the lever",
+}
+
 _SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
 
 PARAMETERS: tuple[Parameter, ...] = (
@@ -157,9 +231,11 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
     Parameter("model", "string", "inextensional", "model of the belt", choices=("inextensional", "complete")),
-    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road")),
+    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road", "estimate")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
     Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
+    Parameter("contact_points", "integer", 1, "on the road: points of the contact along the patch", 1, 50),
+    Parameter("coupled_harmonics", "integer", 30, "on the road: highest harmonic of a varying sidewall's", 0, 1000),
     Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
@@ -167,6 +243,8 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("marker_force_scale", "double", 1e-4, "length of the arrows of forces [m/N]", 0.0, 1.0, read_only=False),
     Parameter("tf.parent_frame", "string", "", "frame of which the axles' frames are children in TF; empty: no TF"),
     Parameter("tf.positions", "double[]", (), "x y z of each axle's frame in it [m], wheel after wheel; default: 0"),
+    *_car_parameters(),
+    Parameter("axle_wrench_covariance", "boolean", False, "with load_source estimate: covariances of the axle forces"),
     Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
@@ -174,6 +252,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
     Parameter("log.max_duration_s", "double", 3600.0, "time after which a log does so [s]; 0: never", 0.0, 1e9),
     Parameter("log.compression", "string", "zstd", "compression of the log's chunks", choices=("zstd", "lz4", "none")),
+    *_input_parameters(),
 )
 
 _MOST_OF_A_BELT = 1_000_000  # samples times modes: what is summed for one shape
@@ -238,9 +317,12 @@ def complete(values: Mapping[str, Any]) -> dict[str, Any]:
         )
     if whole["ring_rate_hz"] > whole["rate_hz"]:
         raise ValueError(f"ring_rate_hz is {whole['ring_rate_hz']}; it must be at most rate_hz = {whole['rate_hz']}")
+    sources(whole)
     unit = unit_of(whole)
     if whole["load_source"] == "road":
         _check_road(whole, unit)
+    if whole["load_source"] == "estimate":
+        _check_estimate(whole)
     for name in HARMONICS:  # without those of no amplitude
         whole[f"tire.{name}"] = tuple(float(number) for each in getattr(unit, name) for number in each)
     return whole
@@ -257,9 +339,38 @@ def _check_road(values: Mapping[str, Any], unit: TireWheelUnit) -> None:
         if not 0.0 < load <= values["max_load_n"]:
             raise ValueError(f"static_loads has {load!r}; each must be > 0 and at most max_load_n")
     try:
-        ContactPoints(unit, 1, values["model"], values["n_max"])
+        ContactPoints(unit, values["contact_points"], values["model"], values["n_max"])
     except ValueError as error:
-        raise ValueError(f"tire.{error}") from None
+        raise ValueError(str(error) if str(error).startswith("contact_points") else f"tire.{error}") from None
+
+
+def _check_estimate(values: Mapping[str, Any]) -> None:
+    if len(values["wheels"]) != 4:
+        raise ValueError(
+            f"wheels has {len(values['wheels'])} names; with load_source 'estimate' it must have those of a car: front "
+            "left, front right, rear left, rear right"
+        )
+    for name in ("load", "road_height"):
+        if values[f"inputs.{name}.topic"]:
+            raise ValueError(f"inputs.{name}.topic is given; with load_source 'estimate' the loads are estimated")
+    car_of(values)
+
+
+def car_of(values: Mapping[str, Any]) -> VehicleParameters:
+    """The car that the ``vehicle.*`` parameters describe; ``ValueError`` names what is wrong, or what is missing."""
+    fields = {name.removeprefix("vehicle."): value for name, value in values.items() if name.startswith("vehicle.")}
+    given = {name: value for name, value in fields.items() if value not in (0.0, ())}
+    try:
+        return VehicleParameters.from_mapping(given)
+    except ValueError as error:
+        named = str(error).split(" ")[0].split("[")[0] in fields
+        raise ValueError(f"vehicle.{error}" if named else f"vehicle.*: {error}") from None
+
+
+def noise_of(values: Mapping[str, Any]) -> SensorNoise:
+    """The noise of the sensors that the ``sensor_noise.*`` parameters describe."""
+    names = [name for name in values if name.startswith("sensor_noise.")]
+    return SensorNoise(**{name.removeprefix("sensor_noise."): values[name] for name in names})
 
 
 def _suggestion(name: str) -> str:
@@ -295,6 +406,8 @@ def vehicle_settings(values: Mapping[str, Any]) -> VehicleSettings:
         max_load=values["max_load_n"],
         static_loads=tuple(values["static_loads"]) if values["load_source"] == "road" else None,
         max_road_step=values["max_road_step_m"],
+        contact_points=values["contact_points"],
+        coupled_harmonics=values["coupled_harmonics"],
     )
 
 
@@ -321,6 +434,73 @@ def read_config(path: str | PathLike[str], node: str | None = None) -> dict[str,
     InputError
         The file cannot be read, or holds something else; :func:`complete` checks the values.
     """
+    values = _read(path, node)
+    try:
+        complete(values)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def read_inputs(path: str | PathLike[str]) -> dict[str, Any]:
+    """A field map from a YAML file like those in ``config/inputs``.
+
+    Parameters
+    ----------
+    path : path
+        A ROS 2 parameter file, with parameters ``inputs.*`` and perhaps ``wheels`` and ``joint_names``.
+
+    Returns
+    -------
+    dict
+        Parameter names and values, only those given. What they make together :func:`complete` checks, for the wheels
+        that there are.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or holds something else.
+    """
+    values = _read(path)
+    try:
+        for name, value in values.items():
+            if name in _BY_NAME and not name.startswith("inputs.") and name not in ("wheels", "joint_names"):
+                raise ValueError(f"{name} is no part of a field map, which has inputs.*, wheels and joint_names")
+            if name not in _BY_NAME:
+                raise ValueError(f"{name!r} is not a parameter of {NODE_NAME}{_suggestion(name)}")
+            _BY_NAME[name].check(value)
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return values
+
+
+def read_car(path: str | PathLike[str]) -> dict[str, Any]:
+    """Parameters that have loads estimated, with the car of a YAML file such as ``config/car.yaml``.
+
+    Parameters
+    ----------
+    path : path
+
+    Returns
+    -------
+    dict
+        ``load_source`` and ``vehicle.*``.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read, or a field is unknown, missing or out of bounds.
+    """
+    try:
+        car = read_vehicle(path).to_mapping()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror}") from None
+    except ValueError as error:
+        raise InputError(f"{path}: {error}") from None
+    return {"load_source": "estimate", **{f"vehicle.{name}": value for name, value in car.items()}}
+
+
+def _read(path: str | PathLike[str], node: str | None = None) -> dict[str, Any]:
     if os.fspath(path).lower().endswith(".tir") and os.path.isfile(path):
         raise InputError(f"{path}: is a tire property file; tire-dynamics import-tir makes the YAML of a unit of it")
     try:
@@ -347,10 +527,6 @@ def read_config(path: str | PathLike[str], node: str | None = None) -> dict[str,
         values = {name: value for name, value in values.items() if value is not None and not is_of_every_node(name)}
     else:
         values = {f"tire.{name}": _as_parameter(value) for name, value in content.items()}
-    try:
-        complete(values)
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None
     return values
 
 

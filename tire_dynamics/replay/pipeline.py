@@ -11,13 +11,27 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..bag import definitions as common
 from ..cdr import messages
 from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
-from .parameters import complete, unit_of, vehicle_settings
-from .stream import IGNORED, TICKS, MessageStream
+from .input_map import QUANTITIES, MapError, mapped_topics, mapped_types, sources
+from .load_source import LoadSource
+from .parameters import car_of, complete, noise_of, unit_of, vehicle_settings
+from .stream import IGNORED, TICKS, MessageStream, Sink
 
-__all__ = ["LOG_RECORD", "TF_STATIC", "TICK", "Events", "Pipeline", "Records", "input_types", "is_input"]
+__all__ = [
+    "LOG_RECORD",
+    "TF_STATIC",
+    "TICK",
+    "Events",
+    "Pipeline",
+    "Records",
+    "fixed_inputs",
+    "input_types",
+    "is_input",
+    "output_types",
+]
 
 IntArray = NDArray[np.int64]
 
@@ -38,9 +52,38 @@ def input_types(wheels: tuple[str, ...], load_source: str = "topic") -> dict[str
         types[f"{wheel}/wheel_speed"] = messages.FLOAT64
         if load_source == "road":
             types[f"{wheel}/road_height"] = messages.FLOAT64
+        if load_source != "topic":
             continue
         types[f"{wheel}/load"] = messages.WRENCH_STAMPED
         types[f"{wheel}/load_force"] = messages.FLOAT64
+    return types
+
+
+def fixed_inputs(values: Mapping[str, Any]) -> dict[str, str]:
+    """Relative names and types of the inputs of a complete set of parameters, without those that the map replaces."""
+    mapped = {source.quantity for source in sources(values)}
+    replaced = {
+        "speed": ("joint_states", "wheel_speed"), "load": ("load", "load_force"), "road_height": ("road_height",)
+    }  # fmt: skip
+    without = {name for quantity, names in replaced.items() if quantity in mapped for name in names}
+    types = input_types(tuple(values["wheels"]), values["load_source"])
+    return {topic: kind for topic, kind in types.items() if topic.rpartition("/")[2] not in without}
+
+
+def output_types(values: Mapping[str, Any]) -> dict[str, str]:
+    """Types of each wheel's outputs by the last part of their names, in their order."""
+    types = {
+        "axle_wrench": messages.WRENCH_STAMPED,
+        "ring_deflection": messages.FLOAT64_MULTI_ARRAY,
+        "ring_shape": messages.POINT_CLOUD,
+    }
+    if values["load_source"] == "road":
+        types["contact_load"] = messages.WRENCH_STAMPED
+    if values["load_source"] == "estimate":
+        types["load_estimate"] = messages.WRENCH_STAMPED
+        types["load_standard_deviation"] = messages.FLOAT64
+        if values["axle_wrench_covariance"]:
+            types["axle_wrench_covariance"] = messages.FLOAT64_MULTI_ARRAY
     return types
 
 
@@ -87,33 +130,69 @@ class Pipeline:
     ----------
     values : mapping
         Parameters, see :data:`~tire_dynamics.replay.parameters.PARAMETERS`; those left out have their defaults.
+    definitions : mapping, optional
+        Definitions of messages by type, for the field map; those of the common interfaces are known.
+    types : mapping, optional
+        Message type by mapped topic, where the parameters leave it out.
 
     Attributes
     ----------
     vehicle : Vehicle
     inputs, outputs : dict
-        Message type by the topic's relative name.
+        Message type by the topic's name: relative, or of a mapped topic as the parameters have it.
+    definitions : dict
+        Of the types of mapped topics.
+    loads : LoadSource or None
+        Where the loads are estimated.
     """
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
+    def __init__(
+        self,
+        values: Mapping[str, Any],
+        definitions: Mapping[str, str] | None = None,
+        types: Mapping[str, str] | None = None,
+    ) -> None:
         self.values = complete(values)
         settings = vehicle_settings(self.values)
         self.vehicle = Vehicle(settings)
-        self.inputs = input_types(settings.wheels, self.values["load_source"])
+        self.inputs = fixed_inputs(self.values)
+        kinds = {topic: kind or (types or {}).get(topic, "") for topic, kind in mapped_types(self.values).items()}
+        self.definitions = dict(definitions or {})
+        for kind in set(kinds.values()) - self.definitions.keys():
+            if (text := common.known(kind)) is not None:
+                self.definitions[kind] = text
+        mapped = mapped_topics(self.values, self.definitions, kinds)
+        self.definitions = {kind: self.definitions[kind] for kind in kinds.values()}
         self.outputs = {
-            f"{wheel}/{name}": kind
-            for wheel in settings.wheels
-            for name, kind in (
-                ("axle_wrench", messages.WRENCH_STAMPED),
-                ("ring_deflection", messages.FLOAT64_MULTI_ARRAY),
-                ("ring_shape", messages.POINT_CLOUD),
-                *((("contact_load", messages.WRENCH_STAMPED),) if self.vehicle.wheels.on_road else ()),
-            )
+            f"{wheel}/{name}": kind for wheel in settings.wheels for name, kind in output_types(self.values).items()
         }
+        self.loads: LoadSource | None = None
+        has_covariance = self.values["axle_wrench_covariance"]
+        if self.values["load_source"] == "estimate":
+            quantities = {source.quantity for source in sources(self.values)}
+            car, noise = car_of(self.values), noise_of(self.values)
+            self.loads = LoadSource(car, noise, self.vehicle, has_covariance, quantities)
         self._stream = MessageStream(
-            self.vehicle.wheels, settings.joint_names, self.values["frame_ids"], settings.ring_samples
+            self.vehicle.wheels,
+            settings.joint_names,
+            self.values["frame_ids"],
+            settings.ring_samples,
+            mapped,
+            None if self.loads is None else self.loads.estimate,
+            has_covariance,
         )
-        self._numbers = {topic: number for number, topic in enumerate(self.inputs)}
+        if self.loads is not None:
+            self.set_sink(self.loads.take)
+        every = list(input_types(settings.wheels, self.values["load_source"]))
+        self._numbers = {topic: every.index(topic) for topic in self.inputs}
+        for number, topic in enumerate(mapped):
+            if topic.topic not in self.inputs:
+                self._numbers[topic.topic] = len(every) + number
+                self.inputs[topic.topic] = topic.msgtype
+            elif self.inputs[topic.topic] == topic.msgtype:  # it is an input already, and has more in it
+                self._stream.share(self._numbers[topic.topic], number)
+            else:
+                raise MapError(f"{topic.topic} is {topic.msgtype}, but as an input it is {self.inputs[topic.topic]}")
         self._names = list(self.outputs)
         self._show()
 
@@ -130,6 +209,27 @@ class Pipeline:
     def message_counts(self) -> Counter[str]:
         """``no velocity``: JointStates whose velocities are not one per name, which were refused."""
         return Counter({"no velocity": self._stream.no_velocity} if self._stream.no_velocity else {})
+
+    @property
+    def mapped(self) -> tuple[str, ...]:
+        """The topics of the field map."""
+        return tuple(topic.topic for topic in self._stream.mapped)
+
+    def set_sink(self, sink: Sink | None) -> None:
+        """Hand the samples of speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""
+        self._stream.set_sink(sink)
+
+    def take_sums(self) -> dict[str, NDArray[np.float64]]:
+        """By quantity, of each wheel or component: count, sum, sum of sizes and of squares since the last call."""
+        sums = self._stream.take_sums()
+        return {name: sums[quantity.number] for name, quantity in QUANTITIES.items()}
+
+    @property
+    def empty(self) -> Counter[str]:
+        """By mapped topic, the messages that had none of the wheels' names."""
+        counts = self._stream.empty_counts
+        found = {topic.topic: counts[number] for number, topic in enumerate(self._stream.mapped)}
+        return Counter({topic: int(count) for topic, count in found.items() if count})
 
     def receive(self, topic: str, received: int, data: bytes) -> None:
         """Take a serialised input message at its time of receipt [ns]."""
@@ -207,10 +307,26 @@ class Pipeline:
         places = [positions[first : first + 3] for first in range(0, len(positions), 3)]
         return messages.encode_static_transforms(stamp, parent, self.values["frame_ids"], places)
 
+    def restore(self, record: Mapping[str, Any]) -> None:
+        """Take over the state that a log record says."""
+        self.vehicle.restore(record["vehicle"])
+        if "held" in record:
+            self._stream.hold(record["held"])
+        if self.loads is not None:
+            self.loads.restore(record["loads"])
+
     def record(self, topics: Mapping[str, str], dropped: Mapping[str, int] | None = None) -> bytes:
         """The log record that lets a replay continue from here: parameters, state, and the topics' full names.
 
         ``dropped`` says how many messages on each topic (full name) are not in the log.
         """
-        content = {"parameters": self.values, "topics": dict(topics), "vehicle": self.vehicle.snapshot()}
+        content: dict[str, Any] = {
+            "parameters": self.values,
+            "topics": dict(topics),
+            "vehicle": self.vehicle.snapshot(),
+        }
+        if self._stream.mapped:
+            content["held"] = self._stream.held()
+        if self.loads is not None:
+            content["loads"] = self.loads.snapshot()
         return messages.encode_string(json.dumps({**content, "dropped": dict(dropped or {})}))

@@ -20,11 +20,15 @@ from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
 from .doubts import InputDoubts
+from .input_map import mapped_types, sources, without_absent
+from .input_watch import doubts_of, watched
 from .inputs import first_reasons, hint, reasons
-from .parameters import NODE_NAME, complete, read_config
-from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, input_types, is_input
+from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
+from .pipeline import LOG_RECORD, TF_STATIC, TICK, Events, Pipeline, fixed_inputs, output_types
 
-__all__ = ["Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "plan", "remaps_of", "replay"]
+__all__ = [
+    "Plan", "Summary", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "plan", "remaps_of", "replay"
+]  # fmt: skip
 
 IntArray = NDArray[np.int64]
 
@@ -52,6 +56,8 @@ def replay(
     output: str | PathLike[str],
     *,
     config: str | PathLike[str] | None = None,
+    inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
     force: bool = False,
     quiet: bool = False,
     remaps: Mapping[str, str] | None = None,
@@ -69,6 +75,10 @@ def replay(
     config : path, optional
         Parameters, as :func:`~tire_dynamics.replay.parameters.read_config` takes them. What it leaves out is a
         log's own, and for any other bag the default, with the wheels that its topics name.
+    inputs : path, optional
+        A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
+    vehicle : path, optional
+        A car, as :func:`~tire_dynamics.read_vehicle` takes it: its loads are estimated (``load_source: estimate``).
     force : bool
         Replace an output that exists.
     quiet : bool
@@ -97,17 +107,14 @@ def replay(
     """
     reader = BagReader(source, clock)
     keep_apart(reader.path, reader.paths, Path(output))
-    how = plan(reader, config, remaps, joints)
+    how = plan(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
     if log is None:
         check(reader, how)
-    try:
-        pipeline = Pipeline(values)
-    except ValueError as error:
-        raise InputError(f"{source}: {error}") from None
+    pipeline = pipeline_of(reader, how)
     seen = InputDoubts(reader, pipeline.values, names) if log is None else None
     if clock is None and log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
-        blocks = _recorded(reader, names, quiet)
+        blocks = _recorded(reader, names, pipeline, quiet)
     else:
         blocks = _received(reader, names, pipeline, seen, quiet)
     try:
@@ -120,7 +127,10 @@ def replay(
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
     without = reasons(reader, values, names, still)
-    return Summary(received, written, pipeline.values, reader.damage, without, [] if seen is None else seen.doubts())
+    doubts = [] if seen is None else seen.doubts()
+    if seen is not None and pipeline.mapped:
+        doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
+    return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 
 class Plan(NamedTuple):
@@ -136,6 +146,8 @@ def plan(
     config: str | PathLike[str] | None = None,
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
+    inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
 ) -> Plan:
     """How a bag would be replayed; of its messages only the first log record is read.
 
@@ -148,6 +160,8 @@ def plan(
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
     joints : mapping, optional
         Names in ``joint_states`` by wheel, instead of those of the parameters: ``{"front_left": "fl_wheel_joint"}``.
+    inputs, vehicle : path, optional
+        As :func:`replay` takes them.
 
     Raises
     ------
@@ -157,15 +171,41 @@ def plan(
     remaps = dict(remaps or {})
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
+    given.update(read_inputs(inputs) if inputs is not None else {})
+    given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
-        given = {**given, "wheels": _wheels(reader, remaps)}
+        mapped = any(name.startswith("inputs.") and name.endswith(".topic") and given[name] for name in given)
+        is_car = mapped or given.get("load_source") == "estimate"
+        given = {**given, "wheels": CAR if is_car else _wheels(reader, remaps)}
     try:
         values = complete(given)
         if joints:
             values = complete({**values, "joint_names": _joint_names(values, joints)})
+        if log is None:
+            values = without_absent(values, lambda topic: topic not in remaps and not _holds(reader, topic))
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
-    return Plan(values, _names(reader, values["wheels"], values["load_source"], log, remaps), log)
+    return Plan(values, _names(reader, values, log, remaps), log)
+
+
+def _holds(reader: BagReader, topic: str) -> bool:
+    return any(name == topic or not topic.startswith("/") and name.endswith(f"/{topic}") for name in reader.topics)
+
+
+def pipeline_of(reader: BagReader, how: Plan) -> Pipeline:
+    """The pipeline that a bag is replayed through; of mapped topics, the bag says what their messages are.
+
+    Raises
+    ------
+    InputError
+        The parameters cannot be used, or a field is not in the messages of the bag.
+    """
+    types = {topic: reader.topics[how.names[topic]] for topic in mapped_types(how.values)}
+    definitions = {kind: text for kind in set(types.values()) if (text := reader.definition(kind)) is not None}
+    try:
+        return Pipeline(how.values, definitions, types)
+    except ValueError as error:
+        raise InputError(f"{reader.path}: {error}") from None
 
 
 def check(reader: BagReader, how: Plan) -> dict[str, str]:
@@ -243,7 +283,12 @@ def _run(
     ):
         writing: Future[None] | None = None
         handles = {
-            topic: writer.add_topic(names[topic], msgtype, qos="sensor_data" if topic in pipeline.inputs else "default")
+            topic: writer.add_topic(
+                names[topic],
+                msgtype,
+                qos="sensor_data" if topic in pipeline.inputs else "default",
+                definition=pipeline.definitions.get(msgtype),
+            )
             for topic, msgtype in (
                 *pipeline.inputs.items(), *pipeline.outputs.items(),
                 (TICK, messages.CLOCK), (LOG_RECORD, messages.STRING),
@@ -300,7 +345,7 @@ def _continue(pipeline: Pipeline, record: Mapping[str, Any], *, first: bool, own
             pipeline.set_values({k: v for k, v in record["parameters"].items() if k.startswith(_MAY_CHANGE)})
         same = all(record["parameters"][name] == list(pipeline.values[name]) for name in ("wheels", "joint_names"))
         if same and (first or own_parameters):
-            pipeline.vehicle.restore(record["vehicle"])
+            pipeline.restore(record)
             if not own_parameters:  # what was found live is of another system, and what is found later not taken over
                 pipeline.vehicle.wheels.judged_elsewhere = False
     except (OverflowError, LookupError, TypeError, ValueError) as error:
@@ -330,6 +375,8 @@ def _why_nothing(pipeline: Pipeline, received: Counter[str]) -> str:
     else:
         hint = "--config can give a longer input_timeout_s"
     what = "a road height" if pipeline.vehicle.wheels.on_road else "a load"
+    if pipeline.loads is not None:
+        what = "an estimated load"
     return f"no wheel ever had a speed and {what} that were both fresh; {hint}; the bag has {seen}{outcomes}"
 
 
@@ -413,16 +460,14 @@ def _load_of(reader: BagReader, name: str) -> str:
 
 
 def _names(
-    reader: BagReader,
-    wheels: tuple[str, ...],
-    load_source: str,
-    log: Mapping[str, Any] | None,
-    remaps: Mapping[str, str],
+    reader: BagReader, values: Mapping[str, Any], log: Mapping[str, Any] | None, remaps: Mapping[str, str]
 ) -> dict[str, str]:
     """Full names in the bag by the relative names of all topics."""
-    node = f"/{NODE_NAME}"
+    node, wheels, load_source = f"/{NODE_NAME}", values["wheels"], values["load_source"]
     names = {TICK: f"{node}/tick", LOG_RECORD: f"{node}/log_record"}
-    types = input_types(wheels, load_source)
+    types = fixed_inputs(values)
+    mapped = {source.quantity for source in sources(values)}
+    types.update({topic: kind for topic, kind in mapped_types(values).items() if topic not in types})
     for topic, name in remaps.items():
         if topic not in types:
             raise InputError(f"--remap: {topic} is no input; the inputs are {', '.join(types)}")
@@ -432,8 +477,8 @@ def _names(
             )
     for topic, msgtype in types.items():
         known = remaps.get(topic) or (log or {}).get("topics", {}).get(topic)
-        if known is None and f"/{topic}" in reader.topics:
-            known = f"/{topic}"
+        if known is None and (topic.startswith("/") or f"/{topic}" in reader.topics):
+            known = f"/{topic.lstrip('/')}"
         found = [name for name in reader.topics if (name == known if known else name.endswith(f"/{topic}"))]
         if len(found) > 1:
             several = ", ".join(sorted(found))
@@ -441,28 +486,32 @@ def _names(
                 f"{reader.path}: several topics could be {topic}: {several}; "
                 f"--remap {topic}:={sorted(found)[0]} takes one"
             )
+        if not found and topic in mapped_types(values):
+            raise InputError(
+                f"{reader.path}: has no topic {known or topic}, which the field map names{_encoded(reader)}; "
+                f"its topics: {_listed(reader.topics)}"
+            )
         names[topic] = found[0] if found else f"/{topic}"
-        if found and reader.topics[found[0]] != msgtype:
+        if found and msgtype and reader.topics[found[0]] != msgtype:
             raise InputError(f"{reader.path}: {found[0]} is {reader.topics[found[0]]}; it must be {msgtype}")
-    kinds = ("road_height",) if load_source == "road" else ("load", "load_force")
-    outputs = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * (load_source == "road"))
+    kinds = {"road": ("road_height",), "topic": ("load", "load_force")}.get(load_source, ())
     for wheel in wheels:
-        loads = [topic for kind in kinds if names[topic := f"{wheel}/{kind}"] in reader.topics]
-        if not loads:
+        loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
+        if kinds and not loads and not mapped & {"load", "road_height"}:
             present = _listed(reader.topics)
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
                 f"name there: --remap {wheel}/{kinds[0]}:=/its/name; its topics: {present}"
             )
-        ending = loads[0].removeprefix(wheel)
-        beside = names[loads[0]].removesuffix(ending) if names[loads[0]].endswith(ending) else f"/{wheel}"
-        for output in outputs:
+        ending = loads[0].removeprefix(wheel) if loads else "/"
+        beside = names[loads[0]].removesuffix(ending) if loads and names[loads[0]].endswith(ending) else f"/{wheel}"
+        for output in output_types(values):
             names[f"{wheel}/{output}"] = f"{beside}/{output}"
     if log is not None:
         names.update({topic: name for topic, name in log["topics"].items() if topic in names and topic not in remaps})
     _see_apart(reader, names, remaps)
-    speeds = [names["joint_states"], *(names[f"{wheel}/wheel_speed"] for wheel in wheels)]
-    if not any(name in reader.topics for name in speeds):
+    speeds = [names.get(topic) for topic in ("joint_states", *(f"{wheel}/wheel_speed" for wheel in wheels))]
+    if "speed" not in mapped and not any(name in reader.topics for name in speeds):
         present = _listed(reader.topics)
         raise InputError(
             f"{reader.path}: has neither joint_states nor <wheel>/wheel_speed; if the speeds have another name there: "
@@ -497,10 +546,10 @@ def _between_records(blocks: Iterable[Events]) -> Iterator[Events]:
             yield events.part(slice(first, last))
 
 
-def _recorded(reader: BagReader, names: Mapping[str, str], quiet: bool) -> Iterator[Events]:
+def _recorded(reader: BagReader, names: Mapping[str, str], pipeline: Pipeline, quiet: bool) -> Iterator[Events]:
     """A log's own events, in the order in which they were written."""
     relative = {name: topic for topic, name in names.items()}
-    wanted = {names[topic] for topic in names if topic in (TICK, LOG_RECORD) or is_input(topic)}
+    wanted = {names[topic] for topic in (TICK, LOG_RECORD, *pipeline.inputs)}
     blocks = reader.blocks(wanted & reader.topics.keys(), in_file_order=True, least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):
         topics = tuple(relative.get(name, "") for name in block.topics)
@@ -524,7 +573,7 @@ def _received(
     """
     period = pipeline.vehicle.settings.period
     silence = 2 * pipeline.vehicle.settings.input_timeout + period
-    relative = {names[topic]: topic for topic in names if is_input(topic)}
+    relative = {names[topic]: topic for topic in pipeline.inputs}
     due = last = None
     blocks = reader.blocks(relative.keys() & reader.topics.keys(), least=_LEAST)
     for block in progress(blocks, reader.message_count, "replay", size=_size, unit="messages", quiet=quiet):

@@ -8,7 +8,8 @@ what is not little-endian, joint names that are new, and each encoder's message,
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,16 +25,26 @@ except ImportError:
     from ..science import cython_stand_in as cython
 if cython.compiled:
     from cython.cimports.libc.string import memcmp, memcpy
+    from cython.cimports.tire_dynamics.cdr.field_reader import FieldReader
     from cython.cimports.tire_dynamics.estimator.wheels import Wheels
 else:
+    from ..cdr.field_reader import FieldReader
     from ..estimator.wheels import Wheels
 
-__all__ = ["IGNORED", "MESSAGE_HEAD", "TICKS", "MessageStream"]
+from .input_map import QUANTITIES, MappedTopic
+
+__all__ = ["IGNORED", "MESSAGE_HEAD", "TICKS", "MessageStream", "Sink"]
 
 IntArray = NDArray[np.int64]
 
 TICKS, IGNORED = -1, -2
 """In place of an input's number, of :meth:`MessageStream.run`: a tick; a message that is no input."""
+
+Sink = Callable[[str, "int | None", int, int, "tuple[float, ...]"], object]
+"""Takes a sample: quantity, wheel (None: values of all), stamp and time of receipt [ns], values."""
+
+Estimator = Callable[[int], "tuple[list[float], list[float], list[float] | None] | None"]
+"""Gives the loads of a tick [ns], their standard deviations, and the covariances of the axle forces."""
 
 MESSAGE_HEAD = 31
 """Bytes before a message in an MCAP file: opcode, length, channel, sequence, log time, publish time."""
@@ -47,6 +58,15 @@ _FIRST = cython.declare(cython.Py_ssize_t, 12)  # where a frame_id stands: encap
 _OUTCOMES = cython.declare(cython.Py_ssize_t, 12)  # places in Schedule.counts
 _JOINT_TWICE = cython.declare(cython.Py_ssize_t, 10)
 _NAN = cython.declare(cython.double, float("nan"))
+_NAMES = [name for name, _ in sorted(QUANTITIES.items(), key=lambda item: item[1].number)]
+_SPEED = cython.declare(cython.Py_ssize_t, 0)  # numbers of quantities, as QUANTITIES has them
+_ANGLE = cython.declare(cython.Py_ssize_t, 1)
+_LOAD = cython.declare(cython.Py_ssize_t, 2)
+_TRACTION = cython.declare(cython.Py_ssize_t, 3)
+_ROAD_HEIGHT = cython.declare(cython.Py_ssize_t, 4)
+_IMU = cython.declare(cython.Py_ssize_t, 7)
+_VEHICLE_SPEED = cython.declare(cython.Py_ssize_t, 8)
+_GROUP = cython.declare(cython.Py_ssize_t, 4)  # numbers that describe a group: quantity, first slot, count, wheel
 
 
 @cython.cfunc
@@ -82,9 +102,7 @@ def get_double(data: cython.const[cython.uchar][::1], at: cython.Py_ssize_t) -> 
 @cython.inline
 @cython.nogil
 @cython.exceptval(check=False)
-def put_integer(
-    out: cython.uchar[::1], at: cython.Py_ssize_t, value: cython.longlong, size: cython.int
-) -> cython.void:
+def put_integer(out: cython.uchar[::1], at: cython.Py_ssize_t, value: cython.longlong, size: cython.int) -> cython.void:
     k: cython.int
     for k in range(size):
         out[at + k] = (value >> (8 * k)) & 255
@@ -155,29 +173,59 @@ class MessageStream:
         Of each wheel: its joint in joint_states, the frame of its outputs.
     samples : int
         P, the angles of the belt.
+    mapped : sequence of MappedTopic
+        What comes by the field map; the numbers of these topics are behind those of the inputs.
+    estimator : callable, optional
+        Where loads are estimated: given the time of a tick [ns], it returns the load of each wheel and its standard
+        deviation [N], and xx, xz and zz of each axle force's covariance [N^2] or None; or None if it has none.
+    has_covariance : bool
+        Whether the axle forces' covariances are outputs.
 
     Attributes
     ----------
     inputs : list of str
         What each input's number stands for: "joint_states", then "wheel_speed", "load" and "load_force" of each wheel;
-        on the road "wheel_speed" and "road_height".
+        on the road "wheel_speed" and "road_height", with an estimator "wheel_speed" alone. Mapped topics are not in it.
     outputs : list of str
-        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel; on the road "contact_load" too.
+        Likewise: "axle_wrench", "ring_deflection" and "ring_shape" of each wheel; on the road "contact_load" too, with
+        an estimator "load_estimate" and "load_standard_deviation", and "axle_wrench_covariance" if it is wanted.
     no_velocity : int
         JointStates whose velocities are not one per name, which were refused.
     """
 
-    def __init__(self, wheels: Wheels, joints: Sequence[str], frames: Sequence[str], samples: int) -> None:
+    def __init__(
+        self,
+        wheels: Wheels,
+        joints: Sequence[str],
+        frames: Sequence[str],
+        samples: int,
+        mapped: Sequence[MappedTopic] = (),
+        estimator: Estimator | None = None,
+        has_covariance: bool = False,
+    ) -> None:
         self.wheels, self.joints = wheels, tuple(joints)
         self.on_road = wheels.on_road
-        kinds = ("wheel_speed", "road_height") if self.on_road else ("wheel_speed", "load", "load_force")
-        results = ("axle_wrench", "ring_deflection", "ring_shape", *("contact_load",) * self.on_road)
+        self.estimator, self.estimates, self.has_covariance = estimator, estimator is not None, has_covariance
+        kinds: tuple[str, ...] = ("wheel_speed", "load", "load_force")
+        results: tuple[str, ...] = ("axle_wrench", "ring_deflection", "ring_shape")
+        self.first_estimate = len(results)
+        if self.on_road:
+            kinds, results = ("wheel_speed", "road_height"), (*results, "contact_load")
+        elif estimator is not None:
+            kinds, results = ("wheel_speed",), (*results, "load_estimate", "load_standard_deviation")
+            results = (*results, *("axle_wrench_covariance",) * has_covariance)
+        self.has_estimate = False
+        self.estimated, self.axle_variance = np.zeros(2 * wheels.count).data, np.zeros(3 * wheels.count).data
+        self.number = _bytes(messages.encode_float64(0.0))
+        self.covariance = _bytes(messages.CovarianceEncoder().encode(np.zeros((6, 6))))
         self.kinds, self.results = len(kinds), len(results)
         self.inputs = ["joint_states", *kinds * wheels.count]
         self.outputs = [*results * wheels.count]
         self.no_velocity = 0
         self._decoder, self._wrench_decoder = messages.JointStateDecoder(), messages.WrenchDecoder()
-        self.malformed_counts = np.zeros(len(self.inputs), dtype=np.int64).data
+        self.fixed = len(self.inputs)
+        self.malformed_counts = np.zeros(self.fixed + len(mapped), dtype=np.int64).data
+        self._prepare(list(mapped))
         self.names, self.names_end, self.names_count, self.places = _bytes(b"\0"), 0, 0, 0
         self.place = np.zeros(3 * wheels.count, dtype=np.int64).data
         # each wheel's message, its numbers zero, one behind the other
@@ -190,10 +238,71 @@ class MessageStream:
         self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
         self.along = np.stack([sine, cosine], axis=1).reshape(-1).data
         self.radius, self.scale = 0.0, 1.0
-        self.most = 2 * len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 4 * _HEAD)
+        self.most = 2 * len(self.wrench) + len(self.shape) + wheels.count * (len(self.deflection) + 6 * _HEAD)
+        self.most += wheels.count * (len(self.number) + len(self.covariance))
         self.out = memoryview(bytearray(2 * self.most))
         self.used = self.messages = 0
-        self.begin, self.topic = (np.zeros(4 * wheels.count, dtype=np.int64).data for _ in range(2))
+        self.begin, self.topic = (np.zeros(self.results * wheels.count, dtype=np.int64).data for _ in range(2))
+
+    def _prepare(self, mapped: list[MappedTopic]) -> None:
+        """What is needed of the field map, as numbers."""
+        wheels = self.wheels.count
+        self.mapped, self.fields = mapped, FieldReader([topic.plan for topic in mapped])
+        self.empty_counts = np.zeros(max(len(mapped), 1), dtype=np.int64).data
+        self.also = np.full(self.fixed, -1, dtype=np.int64).data
+        slots = max((topic.plan.slots for topic in mapped), default=0) + 1
+        wheel, partner = np.full(slots, -1), np.full(slots, -1)
+        scale, shift = np.ones(slots), np.zeros(slots)
+        groups = []
+        for topic in mapped:
+            place = {}
+            for group in topic.values:
+                quantity = QUANTITIES[group.quantity]
+                row = quantity.number, group.first, len(group.scales), -1 if group.wheel is None else group.wheel
+                groups.append(row)
+                for k in range(len(group.scales)):
+                    wheel[group.first + k] = k if quantity.size else group.wheels[k]
+                    scale[group.first + k], shift[group.first + k] = group.scales[k], group.shifts[k]
+                    place[group.quantity, int(wheel[group.first + k])] = group.first + k
+            for (name, which), slot in place.items():  # an angle is told with its speed, a traction with its load
+                for one, other in (("speed", "angle"), ("load", "traction")):
+                    if name == one and (other, which) in place:
+                        partner[slot], partner[place[other, which]] = place[other, which], slot
+        self.groups = np.array(groups or [(0, 0, 0, 0)], dtype=np.int64).reshape(-1).data
+        self.group_begin = np.cumsum([0, *(len(topic.values) for topic in mapped)]).astype(np.int64).data
+        self.slot_wheel, self.partner = wheel.astype(np.int64).data, partner.astype(np.int64).data
+        self.scale_of, self.shift_of = scale.data, shift.data
+        self.last_speed, self.last_traction = np.full(wheels, np.nan).data, np.zeros(wheels).data
+        self.width = max(wheels, 6)
+        self.spare = np.zeros(self.width).data
+        self.sums = np.zeros(4 * len(QUANTITIES) * self.width).data
+        self.set_sink(None)
+
+    def set_sink(self, sink: Sink | None) -> None:
+        """Hand speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""
+        self.sink, self.offers = sink, sink is not None
+
+    def share(self, number: int, mapped: int) -> None:
+        """Take the messages of an input as those of a mapped topic too."""
+        self.also[number] = mapped
+
+    def take_sums(self) -> NDArray[np.float64]:
+        """By quantity and wheel (or component): count, sum, sum of sizes and of squares since the last call."""
+        sums = np.array(self.sums).reshape(len(QUANTITIES), self.width, 4)
+        for k in range(self.sums.shape[0]):
+            self.sums[k] = 0.0
+        return sums
+
+    def held(self) -> list[list[float | None]]:
+        """What is held from one message to the next, as JSON has it."""
+        speeds, tractions = list(self.last_speed), list(self.last_traction)
+        return [[None if value != value else value for value in part] for part in (speeds, tractions)]
+
+    def hold(self, held: Sequence[Sequence[float | None]]) -> None:
+        """Take over what :meth:`held` gave."""
+        speeds, tractions = ([float("nan") if value is None else float(value) for value in part] for part in held)
+        for k in range(self.wheels.count):
+            self.last_speed[k], self.last_traction[k] = speeds[k], tractions[k]
 
     def set_shape(self, radius: float, scale: float) -> None:
         """The belt's radius [m], and by what the deflection in the points of ring_shape is multiplied."""
@@ -201,16 +310,16 @@ class MessageStream:
 
     def malformed_of(self, number: int) -> int:
         """How many messages of an input were not what their type says; each was left out whole."""
-        if not 0 <= number < len(self.inputs):
-            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
+        if not 0 <= number < len(self.malformed_counts):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.malformed_counts) - 1}")
         return int(self.malformed_counts[number])
 
     # -- in -------------------------------------------------------------------------------------------------
 
     def receive(self, number: int, received: int, data: bytes) -> None:
         """Take a serialised message of an input at its time of receipt [ns]."""
-        if not 0 <= number < len(self.inputs):
-            raise IndexError(f"number is {number}; it must be from 0 to {len(self.inputs) - 1}")
+        if not 0 <= number < len(self.malformed_counts):
+            raise IndexError(f"number is {number}; it must be from 0 to {len(self.malformed_counts) - 1}")
         self.take(number, received, data, 0, len(data))
 
     @cython.cfunc
@@ -227,7 +336,9 @@ class MessageStream:
         """Take a message; whether it was one."""
         valid: cython.int
         kind: cython.Py_ssize_t = (topic - 1) % self.kinds
-        if topic == 0:
+        if topic >= self.fixed:
+            valid = self.take_mapped(topic - self.fixed, received, data, first, size)
+        elif topic == 0:
             valid = self.take_joints(received, data, first, size)
         elif kind == 1 and not self.on_road:
             valid = self.take_wrench((topic - 1) // self.kinds, received, data, first, size)
@@ -238,7 +349,110 @@ class MessageStream:
                 valid = self._take_slowly(topic, received, bytes(data[first : first + size]))
         if not valid:
             self.malformed_counts[topic] += 1
+        if topic < self.fixed and self.also[topic] >= 0:
+            self.take(self.fixed + self.also[topic], received, data, first, size)
         return valid > 0
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_mapped(
+        self,
+        number: cython.Py_ssize_t,
+        received: cython.longlong,
+        data: cython.const[cython.uchar][::1],
+        first: cython.Py_ssize_t,
+        size: cython.Py_ssize_t,
+    ) -> cython.bint:
+        """A message of a mapped topic."""
+        group: cython.Py_ssize_t
+        stamp: cython.longlong = received
+        if not self.fields.take(number, data, first, size):
+            return False
+        if self.fields.has_stamp:
+            stamp = self.fields.stamp
+        if self.fields.read_count == 0:  # names of none of the wheels
+            self.empty_counts[number] += 1
+        for group in range(self.group_begin[number], self.group_begin[number + 1]):
+            self.take_group(group, received, stamp, self.groups[_GROUP * group + 1], self.groups[_GROUP * group + 2])
+        return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def take_group(
+        self,
+        group: cython.Py_ssize_t,
+        received: cython.longlong,
+        stamp: cython.longlong,
+        first: cython.Py_ssize_t,
+        count: cython.Py_ssize_t,
+    ) -> cython.void:
+        """The values of one quantity in the message that was read last."""
+        slot: cython.Py_ssize_t
+        other: cython.Py_ssize_t
+        w: cython.Py_ssize_t
+        quantity: cython.Py_ssize_t = self.groups[_GROUP * group]
+        value: cython.double
+        more: cython.double
+        for w in range(self.width):
+            self.spare[w] = _NAN
+        for slot in range(first, first + count):
+            if not self.fields.found[slot]:
+                continue
+            w, other = self.slot_wheel[slot], self.partner[slot]
+            value = self.fields.values[slot] * self.scale_of[slot] + self.shift_of[slot]
+            self.spare[w] = value
+            self.note(quantity, w, value)
+            more = _NAN
+            if other >= 0 and self.fields.found[other]:
+                more = self.fields.values[other] * self.scale_of[other] + self.shift_of[other]
+            if quantity == _SPEED:
+                self.last_speed[w] = value
+                self.wheels.take_speed(w, received, stamp, value, more)
+            elif quantity == _ANGLE and other < 0 and self.last_speed[w] == self.last_speed[w]:
+                self.wheels.take_speed(w, received, stamp, self.last_speed[w], value)
+            elif quantity == _LOAD and not self.on_road:
+                self.wheels.take_load(w, received, stamp, value, more if other >= 0 else self.last_traction[w])
+            elif quantity == _TRACTION and value == value:
+                self.last_traction[w] = value
+            elif quantity == _ROAD_HEIGHT and self.on_road:
+                self.wheels.take_height(w, received, stamp, value)
+        if self.offers and (quantity == _SPEED or quantity > _ROAD_HEIGHT):
+            self.offer(quantity, self.groups[_GROUP * group + 3], received, stamp)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def note(self, quantity: cython.Py_ssize_t, place: cython.Py_ssize_t, value: cython.double) -> cython.void:
+        """Add a value to what is known of its quantity."""
+        at: cython.Py_ssize_t = 4 * (quantity * self.width + place)
+        if value - value != 0.0:  # not finite
+            return
+        self.sums[at] += 1.0
+        self.sums[at + 1] += value
+        self.sums[at + 2] += abs(value)
+        self.sums[at + 3] += value * value
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def offer(
+        self,
+        quantity: cython.Py_ssize_t,
+        wheel: cython.Py_ssize_t,
+        received: cython.longlong,
+        stamp: cython.longlong,
+    ) -> cython.void:
+        """Hand what is in ``spare`` to the sink."""
+        with cython.gil:
+            self._hand_over(quantity, wheel, received, stamp)
+
+    def _hand_over(self, quantity: int, wheel: int, received: int, stamp: int) -> None:
+        size = 6 if quantity == 7 else 1 if quantity == 8 else self.wheels.count
+        values = tuple([self.spare[k] for k in range(size)])
+        assert self.sink is not None
+        self.sink(_NAMES[quantity], None if wheel < 0 else wheel, stamp or received, received, values)
 
     def _take_slowly(self, topic: int, received: int, data: bytes) -> bool:
         """A message of any layout, by the decoders of :mod:`.messages`."""
@@ -289,12 +503,28 @@ class MessageStream:
         else:
             value = _swapped(data, first + 4)
         if is_load and self.on_road:
+            self.note(_ROAD_HEIGHT, wheel, value)
             self.wheels.take_height(wheel, received, received, value)
         elif is_load:
+            self.note(_LOAD, wheel, value)
             self.wheels.take_load(wheel, received, received, value, 0.0)
         else:
+            self.note(_SPEED, wheel, value)
             self.wheels.take_speed(wheel, received, received, value, _NAN)
+            if self.offers:
+                self.offer_one(wheel, received, value)
         return True
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def offer_one(self, wheel: cython.Py_ssize_t, received: cython.longlong, value: cython.double) -> cython.void:
+        """Hand the speed of one wheel to the sink."""
+        w: cython.Py_ssize_t
+        for w in range(self.width):
+            self.spare[w] = _NAN
+        self.spare[wheel] = value
+        self.offer(_SPEED, wheel, received, received)
 
     @cython.cfunc
     @cython.nogil
@@ -328,9 +558,8 @@ class MessageStream:
         if at + 48 > size or stamp >= _SECOND:
             return 0
         stamp += _signed(get_uint(data, first + 4)) * _SECOND
-        self.wheels.take_load(
-            wheel, received, stamp, get_double(data, first + at + 16), get_double(data, first + at)
-        )
+        self.note(_LOAD, wheel, get_double(data, first + at + 16))
+        self.wheels.take_load(wheel, received, stamp, get_double(data, first + at + 16), get_double(data, first + at))
         return 1
 
     @cython.cfunc
@@ -354,6 +583,7 @@ class MessageStream:
         known: cython.longlong
         stamp: cython.longlong
         angle: cython.double
+        speed: cython.double
         if size < _FIRST or size > _MAX_JOINT_STATE or data[first] != 0 or data[first + 1] != 1:
             return -1
         if size < self.names_end or not _equal(data, first + _FIRST, self.names, self.names_end - _FIRST):
@@ -396,15 +626,21 @@ class MessageStream:
         if count != self.names_count:
             self.no_velocity += 1
             return 1
+        if self.offers:
+            for k in range(self.width):
+                self.spare[k] = _NAN
         for k in range(self.places):
             if self.place[3 * k + 2]:
                 self.wheels.schedule.counts[self.place[3 * k] * _OUTCOMES + _JOINT_TWICE] += 1
             angle = _NAN
             if known == count:
                 angle = get_double(data, first + angles + 8 * self.place[3 * k + 1])
-            self.wheels.take_speed(
-                self.place[3 * k], received, stamp, get_double(data, first + at + 8 * self.place[3 * k + 1]), angle
-            )
+            speed = get_double(data, first + at + 8 * self.place[3 * k + 1])
+            self.spare[self.place[3 * k]] = speed
+            self.note(_SPEED, self.place[3 * k], speed)
+            self.wheels.take_speed(self.place[3 * k], received, stamp, speed, angle)
+        if self.offers and self.places:
+            self.offer(_SPEED, -1, received, stamp)
         return 1
 
     def _learn_names(self, data: bytes) -> bool:
@@ -429,15 +665,70 @@ class MessageStream:
     def put_forces(self, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
         """The axle_wrench of each wheel in motion behind what is in ``out``, with room for a head before each.
 
-        On the road each wheel's contact_load comes behind it.
+        On the road each wheel's contact_load comes behind it; before them the loads that were estimated.
         """
         w: cython.Py_ssize_t
         for w in range(self.wheels.count):
+            if self.has_estimate:
+                self.put_estimate(w, stamp, head)
             if not self.wheels.schedule.running[w]:
                 continue
             self.put_wrench(w, self.results * w, stamp, head, self.wheels.force[2 * w], self.wheels.force[2 * w + 1])
             if self.on_road:
                 self.put_wrench(w, self.results * w + 3, stamp, head, 0.0, self.wheels.road.contact[w])
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def estimate(self, stamp: cython.longlong) -> cython.void:
+        """Ask for the loads of a tick, before it: they hold from then on."""
+        with cython.gil:
+            self._ask(stamp)
+
+    def _ask(self, stamp: int) -> None:
+        assert self.estimator is not None
+        found = self.estimator(stamp)
+        self.has_estimate = found is not None
+        if found is None:
+            return
+        loads, deviations, variances = found
+        for w in range(self.wheels.count):
+            self.estimated[2 * w], self.estimated[2 * w + 1] = loads[w], deviations[w]
+            self.wheels.add_load(w, stamp, stamp, loads[w], self.last_traction[w])
+        known: Any = [_NAN] * (3 * self.wheels.count) if variances is None else variances
+        for k in range(3 * self.wheels.count):
+            self.axle_variance[k] = known[k]
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_estimate(self, wheel: cython.Py_ssize_t, stamp: cython.longlong, head: cython.Py_ssize_t) -> cython.void:
+        """The load of a wheel as it was estimated, its standard deviation, and what that makes of the axle's force."""
+        at: cython.Py_ssize_t
+        topic: cython.Py_ssize_t = self.results * wheel + self.first_estimate
+        self.put_wrench(wheel, topic, stamp, head, 0.0, self.estimated[2 * wheel])
+        put_double(self.number, 4, self.estimated[2 * wheel + 1])
+        self.put_bytes(self.number, topic + 1, head)
+        if self.has_covariance and self.wheels.schedule.running[wheel]:
+            if self.axle_variance[3 * wheel] == self.axle_variance[3 * wheel]:
+                at = self.covariance.shape[0] - 8 * 36  # force x and force z are the first and the third of six
+                put_double(self.covariance, at, self.axle_variance[3 * wheel])
+                put_double(self.covariance, at + 16, self.axle_variance[3 * wheel + 1])
+                put_double(self.covariance, at + 96, self.axle_variance[3 * wheel + 1])
+                put_double(self.covariance, at + 112, self.axle_variance[3 * wheel + 2])
+                self.put_bytes(self.covariance, topic + 2, head)
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def put_bytes(self, data: cython.uchar[::1], topic: cython.Py_ssize_t, head: cython.Py_ssize_t) -> cython.void:
+        size: cython.Py_ssize_t = data.shape[0]
+        at: cython.Py_ssize_t = self.used + head
+        copy(self.out, at, data, 0, size)
+        self.begin[self.messages] = at
+        self.topic[self.messages] = topic
+        self.messages += 1
+        self.used = at + size
 
     @cython.cfunc
     @cython.nogil
@@ -522,6 +813,8 @@ class MessageStream:
             The time is outside ROS time.
         """
         messages.check_time(stamp)
+        if self.estimates:
+            self.estimate(stamp)
         self.wheels.go_to(stamp)
         self.used = self.messages = 0
         self.put_forces(stamp, 0)
@@ -640,6 +933,8 @@ class MessageStream:
                     if self.out.shape[0] - self.used - left < self.most:
                         with cython.gil:
                             self._widen(left + self.most)
+                    if self.estimates:
+                        self.estimate(tick[event])
                     self.wheels.go_to(tick[event])
                     self.messages = 0
                     self.put_forces(tick[event], _HEAD)

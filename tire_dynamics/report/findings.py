@@ -93,7 +93,7 @@ def _stability(drive: Drive, critical: float | None) -> tuple[list[str | None], 
             verdicts.append(None)
             continue
         speeds = {*map(float, wheel.speeds), wheel.highest_speed}
-        verdict, bad = verdict_of(drive.unit, speeds, drive.parameters["model"])
+        verdict, bad = verdict_of(drive.unit, speeds, drive.parameters["model"], drive.contact_modes)
         verdicts.append(verdict)
         if bad:
             unstable[wheel.name] = min(bad)
@@ -208,13 +208,17 @@ def _setting(drive: Drive) -> list[Finding]:
         )
         text += "axle forward with no traction at all. For a vehicle use reaction."
         found.append(Finding("note", text))
+    if drive.on_road:
+        text = "The tires stand on a road: loads are the contact's, an outcome, and the verdict and critical speed are "
+        text += "those in contact; response, Campbell diagram and map are those of the tire under a given load."
+        found.append(Finding("note", text))
     if not drive.unit.is_uniform:
         text = "The tire is not uniform: response, Campbell diagram, map and critical speed are its mean's"
         highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
         sidewall = nonuniform.Nonuniformity.of(drive.unit)
         model = drive.parameters["model"]
         tongue = nonuniform.nearest_resonance(drive.unit, sidewall, highest, model)
-        if tongue is not None:
+        if tongue is not None and not drive.on_road:
             threshold = nonuniform.tongue_threshold(drive.unit, sidewall, tongue, model)
             text += "; the tongue of instability nearest to the highest speed driven begins at "
             text += f"{number(tongue.speed / RPM)} rpm"

@@ -215,6 +215,16 @@ class Drive:
         """The tire with which the drive began."""
         return unit_of(self.parameters)
 
+    @property
+    def on_road(self) -> bool:
+        """Whether its tires stand on a road, and the loads are what comes of it."""
+        return bool(self.parameters["load_source"] == "road")
+
+    @property
+    def contact_modes(self) -> int | None:
+        """Highest belt harmonic of the tire on the road; None under given loads."""
+        return int(self.parameters["n_max"]) if self.on_road else None
+
 
 def has_outputs(reader: BagReader) -> bool:
     """Whether a bag is a log that can be reported as it is; ``InputError`` if its record is damaged."""
@@ -279,8 +289,8 @@ class _Reading:
 
     def __init__(self, reader: BagReader) -> None:
         self.parameters, self.names, log = plan(reader)
-        if self.parameters["load_source"] == "road":
-            raise InputError(f"{reader.path}: its tires stand on a road; the report reads logs whose loads were given")
+        if self.parameters["load_source"] == "estimate":
+            raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
         self.begin = reader.start_ns
         self.duration = max((reader.end_ns - reader.start_ns) * 1e-9, 1e-9)
@@ -295,8 +305,8 @@ class _Reading:
         self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
         self.inputs = {
             relative: Input(self.names[relative], kind)
-            for relative, kind in input_types(wheels).items()
-            if self.names[relative] in reader.topics
+            for relative, kind in input_types(wheels, self.parameters["load_source"]).items()
+            if self.names.get(relative) in reader.topics
         }
         self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
@@ -312,7 +322,7 @@ class _Reading:
         edges = np.searchsorted(block.topic[order], np.arange(len(block.topics) + 1))
 
         def of(relative: str) -> IntArray:
-            number = where.get(self.names[relative])
+            number = where.get(self.names.get(relative, ""))
             return np.empty(0, np.int64) if number is None else order[edges[number] : edges[number + 1]]
 
         place = of(LOG_RECORD)
@@ -437,6 +447,8 @@ class _Reading:
 
     def _take_loads(self, wheel: Wheel, block: Block, of: Any) -> tuple[FloatArray, FloatArray]:
         """The loads of a wheel, and from when on they act [s]."""
+        if self.parameters["load_source"] == "road":
+            return self._take_contact(wheel, block, of)
         parts = []
         for name in (f"{wheel.name}/load", f"{wheel.name}/load_force"):
             place = of(name) if name in self.inputs else np.empty(0, np.int64)
@@ -458,3 +470,18 @@ class _Reading:
         acts_s, load, traction = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         wheel.take_loads(acts_s, load, traction)
         return acts_s, load
+
+    def _take_contact(self, wheel: Wheel, block: Block, of: Any) -> tuple[FloatArray, FloatArray]:
+        """The same on the road, where loads are an output; its heights are counted."""
+        place = of(name := f"{wheel.name}/road_height")
+        if name in self.inputs and place.size:
+            valid, height = messages.decode_float64s(block.data, block.start[place], block.size[place])
+            valid, _, _ = self._accepted(name, block, place, valid, block.log_time[place])
+            self._refused(name, "not finite", valid, ~np.isfinite(height))
+        place = of(f"{wheel.name}/contact_load")
+        valid, stamp, _, fz = messages.decode_wrenches(block.data, block.start[place], block.size[place])
+        usable = valid & (np.abs(fz) < BEYOND)
+        wheel.unusable += int((~usable).sum())
+        acts, load = self._seconds(stamp[usable]), fz[usable]
+        wheel.take_loads(acts, load, np.zeros(load.size))
+        return acts, load

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..science import wheel as tire_and_wheel
 from .charts import (
     IMAGES,
     belts,
@@ -45,7 +46,10 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
     from plotly.offline import get_plotlyjs
 
     highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
-    stability, critical = stability_around(drive.unit, highest, drive.parameters["model"])
+    stability, of_map = stability_around(drive.unit, highest, drive.parameters["model"])
+    critical = of_map
+    if (modes := drive.contact_modes) is not None:
+        critical = tire_and_wheel.critical_speed(drive.unit.mean, drive.parameters["model"], contact=True, n_max=modes)
     band = None if known is None else _bands(drive, known, highest)
     found = summary(drive, critical, known, band)
     belt, exaggeration = belts(drive)
@@ -54,7 +58,7 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         "spectra": spectra_figure(drive, band),
         "moment": moment_figure(drive),
         "campbell": campbell_figure(drive, highest),
-        "stability": stability_figure(drive, stability, critical, band),
+        "stability": stability_figure(drive, stability, of_map, band),
         "coverage": coverage_figure(drive),
     }
     if band is not None and np.ptp(band.steady, axis=0).max() > 1e-6:  # reaction damping has K = 1, whatever the rest
@@ -81,6 +85,7 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         without_harmonics=without_harmonics(drive, harmonics),
         without_angle=without_angle(drive, harmonics),
         exaggeration=number(exaggeration),
+        on_road=drive.on_road,
         damping=drive.parameters["tire.sidewall_damping"],
         zeta=f"{drive.unit.zeta_1:g}",
         version=__version__,

@@ -114,16 +114,21 @@ def bands(
 
 
 def verdict_of(
-    unit: TireWheelUnit, speeds: Iterable[float], model: wheel.Model = "inextensional"
+    unit: TireWheelUnit, speeds: Iterable[float], model: wheel.Model = "inextensional", contact: int | None = None
 ) -> tuple[Verdict, list[float]]:
-    """The worst verdict at some speeds, and the speeds at which it is "unstable"."""
-    each = {speed: _verdict(unit, speed, model) for speed in speeds}
+    """The worst verdict at some speeds, and the speeds at which it is "unstable".
+
+    With ``contact``, the highest harmonic, of the mean tire on the road.
+    """
+    each = {speed: _verdict(unit, speed, model, contact) for speed in speeds}
     worst = max(each.values(), key=VERDICTS.index, default=VERDICTS[0])
     return worst, [speed for speed, verdict in each.items() if verdict == "unstable"]
 
 
 @lru_cache(maxsize=4096)
-def _verdict(unit: TireWheelUnit, speed: float, model: wheel.Model) -> Verdict:
+def _verdict(unit: TireWheelUnit, speed: float, model: wheel.Model, contact: int | None) -> Verdict:
+    if contact is not None:
+        return wheel.stability(unit.mean, speed, model, contact=True, n_max=contact).verdict
     if not unit.is_uniform:
         speed = max(abs(speed), 20.0)  # as wheel.is_unstable has it: slower takes long, and tells no more
     return wheel.stability(unit, speed, model).verdict

@@ -170,12 +170,16 @@ class Announcer:
         wheels = [name for name, said in zip(settings.wheels, self._wheels, strict=True) if not said.known[kind]]
         if not wheels or (kind == 0 and self.misfit):
             return ""
-        topics = [
-            self._names[topic]
-            for topic in self._inputs
-            if (topic == _JOINT_STATES and kind == 0)
-            or (topic.partition("/")[0] == wheels[0] and topic.endswith("/wheel_speed") == (kind == 0))
-        ]
+        topics = []
+        for topic in self._inputs:
+            wheel = topic.partition("/")[0]
+            if topic == _JOINT_STATES:
+                belongs = kind == 0
+            elif wheel in settings.wheels:
+                belongs = wheel == wheels[0] and topic.endswith("/wheel_speed") == (kind == 0)
+            else:  # of a field map, or a sensor that loads are estimated from
+                belongs = True
+            topics += [self._names[topic]] * belongs
         more = ", ..." if len(wheels) > 1 else ""
         return f"no {quantity} yet of {', '.join(wheels)}: nothing that can be used on {', '.join(topics)}{more}"
 

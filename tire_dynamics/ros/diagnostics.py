@@ -18,7 +18,6 @@ _SOME_REFUSED = 0.05
 _NOT_REFUSED = ("taken", "late", "repeated", "no stamp", "off the ground", "joint twice")
 
 _NO_RUNOUT = "radial_runout has no effect: the load is given; load_source road has it"
-_NO_VARIATION = "radial_nonuniformity and tangential_nonuniformity have no effect on the road"
 
 
 class Finding(NamedTuple):
@@ -113,6 +112,7 @@ def of_wheel(
     variation: Mapping[str, str],
     samples: Mapping[str, int],
     hint: str,
+    load_source: str,
 ) -> Finding:
     """Of a wheel: its inputs and their ages, stability and force variation.
 
@@ -128,6 +128,8 @@ def of_wheel(
         By outcome, those of the last second.
     hint : str
         Why there may be no speed; empty if that is not known.
+    load_source : str
+        As the parameter has it.
     """
     inputs = vehicle.inputs[index]
     verdict = stability.get("verdict", "not yet known")
@@ -152,11 +154,10 @@ def of_wheel(
         "in motion": inputs.running,
         **{f"age of {name} [s]": "-" if age is None else f"{age * 1e-9:.4f}" for name, age in ages.items()},
         "speed [rad/s]": f"{inputs.speed:.4f}",
-        "load source": "road" if on_road else "topic",
+        "load source": load_source,
         "load [N]": f"{inputs.load[0]:.1f}",
         **({"road height [m]": _shown(inputs.height, ".4f")} if on_road else {}),
         **({"note": _NO_RUNOUT} if unit.radial_runout and not on_road else {}),
-        **({"note": _NO_VARIATION} if on_road and (unit.radial_nonuniformity or unit.tangential_nonuniformity) else {}),
         "stability is of contact": stability.get("contact", on_road),
         "stability": verdict,
         "stability at speed [rad/s]": _shown(stability.get("speed_rad_s"), ".4f"),

@@ -78,6 +78,7 @@ class Journal:
             values["log.compression"],
             1e6 * values["log.max_size_mb"],
             values["log.max_duration_s"],
+            self.pipeline.definitions,
         )
         self._files = 1
         self.record()

@@ -46,6 +46,8 @@ class LogFiles:
         Bytes and seconds after which the bag goes on in another file; infinite for never.
     now : float
         The time [s].
+    definitions : mapping, optional
+        Definitions of message types that are not in the common interfaces.
 
     Attributes
     ----------
@@ -60,10 +62,12 @@ class LogFiles:
         max_size: float,
         max_duration: float,
         now: float,
+        definitions: Mapping[str, str] | None = None,
     ) -> None:
         self.count = 1
         self._bag = bag
-        self._handles = {name: bag.add_topic(name, kind, qos=qos) for name, (kind, qos) in topics.items()}
+        texts = definitions or {}
+        self._handles = {name: bag.add_topic(name, kind, qos, texts.get(kind)) for name, (kind, qos) in topics.items()}
         self._max_size, self._max_duration = max_size, max_duration
         self._full, self._due = now + max_duration, now + FLUSH_INTERVAL
 
@@ -121,6 +125,8 @@ class Log:
     compression : {"zstd", "lz4", "none"}
     max_size, max_duration : float
         Bytes and seconds after which the bag goes on in another file; 0 for never.
+    definitions : mapping, optional
+        Definitions of message types that are not in the common interfaces.
 
     Attributes
     ----------
@@ -142,6 +148,7 @@ class Log:
         compression: str,
         max_size: float = 0.0,
         max_duration: float = 0.0,
+        definitions: Mapping[str, str] | None = None,
     ) -> None:
         self.folder = directory / f"tire_dynamics_{datetime.now(timezone.utc):%Y_%m_%d-%H_%M_%S}"
         self.error: str | None = None
@@ -149,7 +156,7 @@ class Log:
         self.kept = self._is_open = False
         self.files = 1
         self._max_size, self._max_duration = max_size or math.inf, max_duration or math.inf
-        self._topics = dict(topics)
+        self._topics, self._definitions = dict(topics), dict(definitions or {})
         self._queue_size = queue_size
         self._compression = "" if compression == "none" else compression
         self._queue: deque[_Message] = deque()
@@ -255,7 +262,9 @@ class Log:
 
     def _write(self, writer: BagWriter) -> None:
         with writer:
-            files = LogFiles(writer, self._topics, self._max_size, self._max_duration, time.monotonic())
+            files = LogFiles(
+                writer, self._topics, self._max_size, self._max_duration, time.monotonic(), self._definitions
+            )
             ending = False
             while not ending:
                 ending = self._ending.wait(_PAUSE)  # asked before the last look: nothing is put behind it

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import math
+import re
 import sys
 import threading
 import time
@@ -28,14 +29,18 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import MarkerArray
 
 from ..cdr import messages
+from ..estimator.vehicle import modes_on_the_road
 from ..files.errors import InputError, first_line
+from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
 from . import diagnostics, node_parameters, typed
 from .analyst import Analyst
 from .announcer import Announcer
 from .deferred import Deferred, allow_deferred
+from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
+from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
 from .qos_overrides import QosOverrides
 from .stop import Stop
@@ -101,6 +106,8 @@ class TireDynamicsNode(LifecycleNode):
 
     _pipeline: Pipeline
     _monitor: UniformityMonitor
+    _watch: InputWatch
+    _doubts: list[str]  # of the inputs, as they were said last
     _announcer: Announcer
     _wanted: dict[str, Any]  # all values that were accepted: in force, or soon to be
 
@@ -238,7 +245,11 @@ class TireDynamicsNode(LifecycleNode):
         except ValueError as error:
             raise InputError(str(error)) from None
         try:
-            self._pipeline, self._wanted = Pipeline(values), values
+            pipeline = Pipeline(values, definitions_of(values))
+        except ValueError as error:  # of the field map, whose types are known only here
+            raise InputError(str(error)) from None
+        try:
+            self._pipeline, self._wanted = pipeline, values
             self._period = self._pipeline.vehicle.settings.period
             self._declare(partial(node_parameters.declare, values=values, read_only=self._autostart))
             self._connect()
@@ -249,12 +260,15 @@ class TireDynamicsNode(LifecycleNode):
         self._say(f"configured: {', '.join(values['wheels'])}; listens to {len(self._pipeline.inputs)} topics")
 
     def _activate(self) -> None:
-        self._journal.pipeline = self._pipeline = Pipeline(self._pipeline.values)  # nothing of what was before
+        made = Pipeline(self._pipeline.values, self._pipeline.definitions)  # nothing of what was before
+        self._journal.pipeline = self._pipeline = made
         self._wanted = self._pipeline.values
         self._pipeline.vehicle.wheels.judged_elsewhere = True  # no tick waits for it
         self._questions.clear()
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
+        self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        self._missing: tuple[str, ...] | None = None
         self._time = None
         self._before = self._second = self._present_second()
         try:
@@ -301,14 +315,16 @@ class TireDynamicsNode(LifecycleNode):
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
         for topic, msgtype in self._pipeline.inputs.items():
+            if (name := self.resolve_topic_name(topic)) in names.values():
+                raise InputError(f"{topic} of inputs.*.topic is {name}, an input already; write both in the same way")
             subscription = self._qos.subscription(
-                _message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
+                message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
             names[topic] = subscription.topic_name
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
-            self._outputs[topic] = self._publisher(topic, _message_class(msgtype), 10)
+            self._outputs[topic] = self._publisher(topic, message_class(msgtype), 10)
             names[topic] = self._outputs[topic].topic_name
         names[DIAGNOSTICS] = self._diagnostics.topic_name
         names[TF_STATIC] = TF_STATIC
@@ -370,7 +386,7 @@ class TireDynamicsNode(LifecycleNode):
             self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
             return
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher(TF_STATIC, _message_class(messages.TF), qos).publish(transforms)
+        self._publisher(TF_STATIC, message_class(messages.TF), qos).publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 
@@ -645,7 +661,8 @@ class TireDynamicsNode(LifecycleNode):
         vehicle = self._pipeline.vehicle
         state: tuple[Any, ...] = vehicle.unit, speed, vehicle.settings.model
         if vehicle.wheels.on_road:  # to the rad/s: it takes some tens of milliseconds, and is remembered
-            state = vehicle.unit.mean, float(round(speed)), vehicle.settings.model, vehicle.settings.n_max, True
+            n_max = modes_on_the_road(vehicle.unit, vehicle.settings.n_max)
+            state = vehicle.unit, float(round(speed)), vehicle.settings.model, n_max, True
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _update_stability(self) -> None:
@@ -702,15 +719,29 @@ class TireDynamicsNode(LifecycleNode):
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
             self._before, self._second = self._second, self._present_second()
+            self._look_at_inputs()
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
+            if (loads := self._pipeline.loads) is not None:
+                array.status.append(self._status("load estimate", of_loads(loads)))
+                if change := change_of(self._missing, loads):
+                    self.get_logger().warning(change)
+                self._missing = loads.missing
         else:
             array.status = [self._idle_status()]
         self._diagnostics.publish(array)
         now = self._now()
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+
+    def _look_at_inputs(self) -> None:
+        """Say what has become odd about the inputs, once: numbers in it change from second to second."""
+        known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
+        self._doubts = self._watch.look(self._pipeline.take_sums())
+        for doubt in self._doubts:
+            if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
+                self.get_logger().warning(f"doubtful: {doubt}")
 
     def _node_status(self) -> DiagnosticStatus:
         missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
@@ -720,7 +751,8 @@ class TireDynamicsNode(LifecycleNode):
         name = self.get_fully_qualified_name()
         namesakes = f"{self._namesakes} other nodes are called {name}" if self._namesakes > 0 else ""
         warning = DiagnosticStatus.WARN
-        troubles = [(warning, namesakes), (DiagnosticStatus.ERROR, self._announcer.no_clock), slow]
+        doubtful = f"doubtful: {self._doubts[0]}" if self._doubts else ""
+        troubles = [(warning, namesakes), (DiagnosticStatus.ERROR, self._announcer.no_clock), slow, (warning, doubtful)]
         times, self._step_times = self._step_times, []
         values = {
             "ticks": self._ticks,
@@ -732,6 +764,8 @@ class TireDynamicsNode(LifecycleNode):
             **diagnostics.step_times(times),
             **{f"{topic}: malformed": count for topic, count in self._pipeline.malformed.items()},
             **{f"joint_states: {outcome}": n for outcome, n in self._pipeline.message_counts.items()},
+            **{f"{topic}: none of the wheels": count for topic, count in self._pipeline.empty.items()},
+            **{f"doubtful {number}": doubt for number, doubt in enumerate(self._doubts, 1)},
         }
         wheels = len(self._pipeline.vehicle.inputs)
         return self._status("node", diagnostics.of_node(wheels, values, self._journal.account(), troubles))
@@ -743,8 +777,8 @@ class TireDynamicsNode(LifecycleNode):
     def _wheel_status(self, index: int) -> DiagnosticStatus:
         vehicle, variation = self._pipeline.vehicle, self._monitor.values(index)
         samples = self._second.samples[index] - self._before.samples[index]
-        hint = self._announcer.misfit
-        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint)
+        hint, load_source = self._announcer.misfit, self._pipeline.values["load_source"]
+        found = diagnostics.of_wheel(vehicle, index, self._stabilities[index], variation, samples, hint, load_source)
         return self._status(vehicle.settings.wheels[index], found)
 
     def _status(self, name: str, found: diagnostics.Finding) -> DiagnosticStatus:
@@ -822,10 +856,3 @@ def _wake(executor: Any) -> None:
     while True:
         time.sleep(_WAKE)
         executor.create_task(int)
-
-
-def _message_class(msgtype: str) -> Any:
-    from importlib import import_module
-
-    package, _, name = msgtype.split("/")
-    return getattr(import_module(f"{package}.msg"), name)

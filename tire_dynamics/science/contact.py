@@ -574,7 +574,7 @@ def _response(unit: TireWheelUnit, speed: float, s: ComplexArray, model: Model, 
 
 
 class ForceVariation(NamedTuple):
-    """How the vertical force varies as the tire turns, to first order in what is not the same all around.
+    """How the forces vary as the tire turns, to first order in what is not the same all around.
 
     Attributes
     ----------
@@ -582,11 +582,14 @@ class ForceVariation(NamedTuple):
     axle, contact : ndarray of complex, shape (J,)
         Re[axle_j exp(i j phi)] of the force on the axle, up, and likewise of the contact force [N]; phi is the wheel's
         angle. Peak to peak is twice the modulus.
+    forward : ndarray of complex, shape (J,)
+        Of the force on the axle along x_ros, likewise. The contact has no friction, so it is the ring's alone.
     """
 
     harmonics: NDArray[np.int64]
     axle: ComplexArray
     contact: ComplexArray
+    forward: ComplexArray
 
 
 def fixed_height_force(
@@ -648,7 +651,7 @@ def force_variation(
     *,
     mount: str = "car",
 ) -> ForceVariation:
-    """Harmonics of the vertical force at a constant speed on a flat road, to first order in the amplitudes.
+    """Harmonics of the axle's and of the contact's force at a constant speed on a flat road, to first order.
 
     Parameters
     ----------
@@ -679,23 +682,28 @@ def force_variation(
         raise ValueError(f"mount is {mount!r}; it must be 'car' or 'machine'")
     if not (math.isfinite(speed) and speed != 0.0):
         raise ValueError(f"speed is {speed!r}; it must be finite and not 0")
-    system = open_system(unit.mean, speed, model, n_max, windup=True)
-    places = _places(unit, model, int(n_max))
-    output, kept = system.output[1], np.arange(len(system.matrix))
+    # What pulls at a wheel that does not move along x is the row of that motion, sidewall included.
+    free = unit.replace(longitudinal_stiffness=1.0) if unit.is_longitudinally_rigid else unit
+    system = open_system(free.mean, speed, model, n_max, windup=True)
+    places = _places(free, model, int(n_max))
+    along, up = -free.fore_aft_mass * system.matrix[places["x"][0]], system.output[1]
+    stuck = set(places["x"]) if unit.is_longitudinally_rigid or mount == "machine" else set()
     if mount == "machine":
-        stuck = {k for name in ("y", "x") if name in places for k in places[name]}
+        stuck |= set(places["y"])
         if unit.sprung_mass:
-            stuck |= set(range(first := len(fixed_frame(unit.mean, model).constant), first + 2))
-        kept = np.array([k for k in kept if k not in stuck])
-        output = unit.wheel_mass * system.matrix[places["y"][0]]  # all that pulls at a wheel that does not move
-    parts = _sidewall(unit, system, speed, model, int(n_max))
+            stuck |= set(range(first := len(fixed_frame(free.mean, model).constant), first + 2))
+        up = unit.wheel_mass * system.matrix[places["y"][0]]  # all that pulls at a wheel that does not move
+    elif not stuck:
+        along = system.output[0]
+    kept = np.array([k for k in range(len(system.matrix)) if k not in stuck])
+    parts = _sidewall(free, system, speed, model, int(n_max))
     rest = np.zeros(len(system.matrix))
     if mount == "machine":
         rest[kept] = np.linalg.solve(system.matrix[np.ix_(kept, kept)], -load * system.push[kept])
     else:
-        rest = standing(system, load)[0]
+        rest[kept] = standing(open_system(unit.mean, speed, model, n_max, windup=True), load)[0]
     numbers = sorted({*parts, *(j for j, _, _ in unit.radial_runout), *([1] if unit.imbalance_mass else [])})
-    axle, contact = np.zeros((2, len(numbers)), dtype=np.complex128)
+    axle, contact, forward = np.zeros((3, len(numbers)), dtype=np.complex128)
     one = np.eye(len(kept))
     soft_rest = 0.0 if not math.isfinite(system.stiffness) else 1.0
     for k, j in enumerate(numbers):
@@ -703,6 +711,7 @@ def force_variation(
         cosine, sine = parts.get(j, (np.zeros_like(system.matrix),) * 2)
         drive = ((cosine - 1j * sine) @ rest).astype(np.complex128)
         direct = unit.wheel_mass * drive[places["y"][0]] if mount == "machine" else 0.0
+        pulled = -free.fore_aft_mass * drive[places["x"][0]] if stuck else 0.0
         if j == 1 and unit.imbalance_mass:  # cos(theta_u + phi) on X, sin on Y
             size = unit.imbalance_mass * unit.radius * speed * speed
             turned = np.exp(1j * unit.imbalance_angle)
@@ -717,6 +726,8 @@ def force_variation(
         u = system.contact[kept] @ moved
         soft = soft_rest / (system.stiffness + system.damping * s) if soft_rest else 0.0
         force = (away + u[0]) / (soft - u[1])
-        axle[k] = output[kept] @ (moved @ np.array([1.0, force])) + direct
+        state = moved @ np.array([1.0, force])
+        axle[k] = up[kept] @ state + direct
+        forward[k] = along[kept] @ state + pulled
         contact[k] = force
-    return ForceVariation(np.array(numbers, dtype=np.int64), axle, contact)
+    return ForceVariation(np.array(numbers, dtype=np.int64), axle, contact, forward)

@@ -5,3 +5,4 @@ cdef void mode_eigensystem(
     double[::1] steady, double[::1] right, double[::1] left
 ) noexcept nogil
 cdef double twist_at(double[::1] table, Py_ssize_t mode, double square) noexcept nogil
+cdef double stretch_at(double[::1] table, Py_ssize_t mode, double square) noexcept nogil

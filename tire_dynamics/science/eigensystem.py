@@ -41,6 +41,16 @@ def twist_at(table: cython.double[::1], mode: cython.Py_ssize_t, square: cython.
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def stretch_at(table: cython.double[::1], mode: cython.Py_ssize_t, square: cython.double) -> cython.double:
+    """A_n/C_n at a speed of this square: without inertia, the tangential amplitude is -i times this of the radial."""
+    at: cython.Py_ssize_t = mode * _COLUMNS
+    return (table[at + 4] + square * table[at + 5]) / (table[at + 6] + square * table[at + 7])
+
+
+@cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
 def mode_eigensystem(

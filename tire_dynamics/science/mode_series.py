@@ -46,6 +46,28 @@ def _order(reach: cython.double) -> cython.Py_ssize_t:
 
 
 @cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _sum(
+    width: cython.Py_ssize_t,
+    order: cython.Py_ssize_t,
+    terms: cython.double[::1],
+    state: cython.double[::1],
+    first: cython.Py_ssize_t,
+) -> cython.void:
+    """The sum of the terms of each of ``width`` numbers, the smallest first, into the state."""
+    j: cython.Py_ssize_t
+    k: cython.Py_ssize_t
+    total: cython.double
+    for j in range(width):
+        total = terms[width * order + j]
+        for k in range(order - 1, -1, -1):
+            total += terms[width * k + j]
+        state[first + j] = total
+
+
+@cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
 def _inextensional(
@@ -137,11 +159,7 @@ def _inextensional(
             a, b = a + slope * terms[4 * k - 2], b + slope * terms[4 * k - 1]
         terms[4 * k + 6] = length / (k + 1) * (terms[4 * k] - n * b)
         terms[4 * k + 7] = length / (k + 1) * (terms[4 * k + 1] + n * a)
-    for j in range(4):
-        a = terms[4 * order + j]
-        for k in range(order - 1, -1, -1):
-            a += terms[4 * k + j]
-        state[first + j] = a
+    _sum(4, order, terms, state, first)
 
 
 @cython.cfunc
@@ -222,11 +240,7 @@ def _complete(
         terms[row + 13] = part * (terms[row + 1] + n * v[16])
         terms[row + 14] = part * (terms[row + 2] - n * v[19])
         terms[row + 15] = part * (terms[row + 3] + n * v[18])
-    for j in range(8):
-        part = terms[8 * order + j]
-        for k in range(order - 1, -1, -1):
-            part += terms[8 * k + j]
-        state[first + j] = part
+    _sum(8, order, terms, state, first)
 
 
 @cython.cfunc

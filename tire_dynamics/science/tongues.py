@@ -386,8 +386,6 @@ def tongue_threshold(
     and first-order thresholds part as the damping grows: for Table 1 at zeta_1 = zeta_s = 0.05 the tongue at 6100 rpm
     begins at 0.090 and not at 0.103, that at 4711 rpm at 0.167 and not at 0.200.
     """
-    from scipy.optimize import minimize_scalar
-
     at = resonance.speed
     if resonance.threshold == 0.0:
         return TongueThreshold(at, 0.0)
@@ -409,5 +407,18 @@ def tongue_threshold(
     if not lowest:
         return None
     k = min(lowest, key=lambda k: abs(speeds[k] - at))
-    best = minimize_scalar(scale, bounds=(speeds[k - 1], speeds[k + 1]), method="bounded", options={"xatol": 1e-4 * at})
-    return TongueThreshold(float(best.x), float(best.fun))
+    low, high = speeds[k - 1], speeds[k + 1]
+    # golden sections, as SciPy, which has better ones, is not loaded beside a running node
+    section = 0.5 * (3.0 - math.sqrt(5.0))
+    left, right = low + section * (high - low), high - section * (high - low)
+    at_left, at_right = scale(left), scale(right)
+    while high - low > 1e-4 * at:
+        if at_left < at_right:
+            high, right, at_right = right, left, at_left
+            left = low + section * (high - low)
+            at_left = scale(left)
+        else:
+            low, left, at_left = left, right, at_right
+            right = high - section * (high - low)
+            at_right = scale(right)
+    return TongueThreshold(left, at_left) if at_left < at_right else TongueThreshold(right, at_right)

@@ -30,15 +30,13 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import wheel
-from .coefficients import contact_patch_factor, residual_stiffness, static_compliance
-from .contact import belt_numbers
-from .modes import CONTACT_ANGLE, RingModes
-from .nonuniform import coordinates, coupling
-from .stepping import ExactStepper
-from .unit import TireWheelUnit
+from tire_dynamics import TireWheelUnit, wheel
+from tire_dynamics.science.contact_points import ContactPoints
+from tire_dynamics.science.modes import RingModes
+from tire_dynamics.science.nonuniform import coordinates, coupling
+from tire_dynamics.science.stepping import ExactStepper
 
-__all__ = ["ContactPoints", "ContactStepper", "phi"]
+__all__ = ["ContactStepper", "phi"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -51,94 +49,6 @@ ROUNDS: Final = 4
 
 _NET: Final = {"alpha": (0.0, -1.0), "beta": (-1.0, 0.0), "xi": (-1.0, 0.0), "eta": (0.0, 1.0)}
 """What the sidewall sees of y and x beside each coordinate of n = 1: X - x, Y - y, U - y, V + x."""
-
-
-class ContactPoints:
-    """Where a tire touches the road: P points, each the middle of its share of the patch.
-
-    Parameters
-    ----------
-    unit : TireWheelUnit
-    count : int
-        P >= 1. One is the whole patch, with the factors s_n.
-    model : {"inextensional", "complete"}
-    n_max : int
-
-    Attributes
-    ----------
-    angles : ndarray, shape (P,)
-        beta_j from the middle of the patch, along psi [rad].
-    share : ndarray, shape (P,)
-        Of the static load, even pressure: cos(beta_j) over their sum.
-    stiffness : ndarray, shape (P,)
-        Of the vertical springs, kappa cos^2 beta_j [N/m], kappa such that all of them, on a flat road, give the unit's
-        ``vertical_stiffness``; infinite for a rigid tread.
-    damping : ndarray, shape (P,)
-        Shares of ``residual_damping`` [N s/m].
-    factors : ndarray of complex, shape (P, N)
-        s_n(phi_c/P) exp(i n beta_j)/cos(beta_j) of the belt harmonics.
-    """
-
-    def __init__(self, unit: TireWheelUnit, count: int, model: wheel.Model, n_max: int) -> None:
-        if isinstance(count, bool) or not isinstance(count, (int, np.integer)) or count < 1:
-            raise ValueError(f"contact_points is {count!r}; it must be an integer >= 1")
-        half = unit.contact_half_angle
-        if count > 1 and half == 0.0:
-            raise ValueError(f"contact_points is {count!r}; it must be 1 where contact_half_angle is 0.0")
-        if half >= 0.5 * math.pi:
-            raise ValueError(f"contact_half_angle is {half!r}; it must be < pi/2 on the road")
-        self.angles = half * (2.0 * np.arange(count) + 1.0 - count) / count
-        cosines = np.cos(self.angles)
-        self.share = cosines / cosines.sum()
-        self.numbers = belt_numbers(model, n_max)
-        part = unit.replace(contact_half_angle=half / count, vertical_stiffness=0.0)
-        self.factors = (
-            contact_patch_factor(part, self.numbers) * np.exp(1j * np.outer(self.angles, self.numbers))
-        ) / cosines[:, None]
-        self.tangents = np.tan(self.angles)
-        relative = cosines**2 / (cosines**2).sum()
-        self.damping = unit.residual_damping * relative
-        if count == 1:
-            self.stiffness = np.array([residual_stiffness(unit, n_max, model)])
-        else:
-            compliance = self.compliance(unit, model, n_max)
-            self.stiffness = relative * _calibrated(compliance, relative, unit.vertical_stiffness)
-
-    def compliance(self, unit: TireWheelUnit, model: wheel.Model, n_max: int) -> FloatArray:
-        """How far each point gives way under 1 N at each, wheel held, at rest, without the springs [m/N], (P, P)."""
-        held = unit.replace(vertical_stiffness=0.0, longitudinal_stiffness=0.0, sprung_mass=0.0)
-        modes = RingModes(held.replace(contact_half_angle=0.0), self.numbers, model)
-        resting = modes.at(0.0)
-        radial = modes.amplitudes(resting.steady(-1.0, 0.0))[0]  # of a point force at psi_0, 1 N inward
-        about = radial * np.exp(-1j * self.numbers * CONTACT_ANGLE)
-        belt = -np.real(self.factors * about @ np.conj(self.factors).T)
-        point = held.replace(contact_half_angle=0.0)
-        rigid = static_compliance(point, 1, model)
-        if model == "complete":
-            rigid -= static_compliance(point, 0, model)
-        # n = 1 gives way alike in all directions, up and across
-        matrix: FloatArray = belt + rigid * (1.0 + np.outer(self.tangents, self.tangents))
-        return matrix
-
-
-def _calibrated(compliance: FloatArray, relative: FloatArray, stiffness: float) -> float:
-    """kappa for which springs kappa relative_j behind the compliance carry ``stiffness`` at one displacement of all."""
-    if not stiffness:
-        return math.inf
-    ones = np.ones(len(relative))
-
-    def whole(soft: float) -> float:
-        return float(ones @ np.linalg.solve(compliance + np.diag(soft / relative), ones))
-
-    if not whole(0.0) > stiffness:
-        raise ValueError(
-            f"vertical_stiffness is {stiffness!r}; it must be < {whole(0.0):.10g} N/m, the tire's own with these points"
-        )
-    low, high = 0.0, 1.0 / stiffness
-    for _ in range(200):  # whole() falls with soft
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if whole(middle) > stiffness else (low, middle)
-    return 1.0 / (0.5 * (low + high))
 
 
 def phi(x: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray, ComplexArray]:
@@ -243,6 +153,8 @@ class ContactStepper:
             raise ValueError(f"static_load is {static_load!r}; it must be > 0 and finite")
         self.whole, self.unit, self.model = unit, unit.mean, model
         self.points = ContactPoints(unit, points, model, n_max)
+        turned = np.exp(1j * np.outer(self.points.angles, self.points.numbers))
+        self.factors = self.points.spread * turned / self.points.cosines[:, None]
         self.static = static_load * self.points.share
         self._modes = RingModes(self.unit.replace(contact_half_angle=0.0), self.points.numbers, model)
         self._frame = wheel.fixed_frame(self.unit, model)
@@ -314,8 +226,8 @@ class ContactStepper:
             own = -spinning.steady_shapes() * spinning.exponents[..., None]
             row = 2 if self.model == "complete" else 1
             turned = np.array([1.0, -1.0j, -1.0, 1.0j])[np.mod(points.numbers, 4.0).astype(int)]
-            seen = np.conj(turned * points.factors)[..., None] * spinning.right[:, row, :]
-            driven = -points.factors[..., None] * own[..., 0]
+            seen = np.conj(turned * self.factors)[..., None] * spinning.right[:, row, :]
+            driven = -self.factors[..., None] * own[..., 0]
             rest = np.tensordot(self.static, -driven / spinning.exponents, axes=1)
             load, across = float(self.static.sum()), float(self.static @ points.tangents)
             one = np.zeros(self._one.states)
