@@ -145,9 +145,8 @@ def test_empty_lists_and_null_are_the_default(bench, tmp_path, text):
     path.write_text("/**:\n  ros__parameters:\n" + "".join(f"    {name}: {text}\n" for name in names))
     one = bench("--params-file", str(path))
     assert one.node._pipeline.values == complete({}) == complete(read_config(path))
-    for name in LISTS:
-        if name != "tf.positions":
-            assert list(one.get(name)) == []
+    found = values_of(one)
+    assert all(list(found[name]) == [] for name in LISTS if name != "tf.positions")
     assert [result.reason for result in load(one, path) if not result.successful] == []
     assert set_typed(one, "tire.radial_nonuniformity", "[2.0, 0.05, 1.2]").successful
     assert set_typed(one, "tire.radial_nonuniformity", text).successful
