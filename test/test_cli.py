@@ -179,7 +179,7 @@ def test_a_config_that_cannot_be_used(tmp_path, bag, config, text, named):
     ("arguments", "named"),
     [
         (["--ros-args", "-p", "rate_hz:=-1.0"], ["rate_hz", "-1.0"]),
-        (["--ros-args", "-p", "tire.radius:=-1.0"], ["tire.radius", "-1.0", "> 0"]),
+        (["--ros-args", "-p", "tire.radius:=-1.0"], ["tire.radius", "-1.0", "at least 0.001"]),
         (["--ros-args", "-p", "tire.radius:=-1"], ["tire.radius", "-1"]),
         (["--ros-args", "-p", "tire.radus:=1.0"], ["tire.radus", "tire.radius"]),
         (["--ros-args", "-p", "wheels:=[]"], ["wheels"]),

@@ -70,9 +70,11 @@ class Announcer:
         """The newest message on joint_states."""
         self._logger, self._names, self._waits_for_clock = logger, names, waits_for_clock
         self._vehicle, self._inputs = pipeline.vehicle, pipeline.inputs
+        estimated = pipeline.values["load_source"] == "estimate"
+        loads = ("imu", "travel", "hub_acceleration") if estimated else ("load", "road_height")
         self._mapped = {  # topics of the field map, by what they have of a wheel's two inputs
             kind: [topic.topic for topic in pipeline.mapped if any(each.quantity in of for each in topic.values)]
-            for kind, of in enumerate((("speed",), ("load", "road_height")))
+            for kind, of in enumerate((("speed",), loads))
         }
         self._quantities = ("speed", "road height" if self._vehicle.wheels.on_road else "load")
         self._wheels = [_Wheel() for _ in self._vehicle.inputs]

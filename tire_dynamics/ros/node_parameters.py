@@ -36,7 +36,7 @@ def given(node: Node) -> dict[str, Any]:
     """
     found: dict[str, RosParameter] = node.get_parameters_by_prefix("")
     values = {name: _plain(parameter.value) for name, parameter in found.items() if not is_of_every_node(name)}
-    return {name: value for name, value in values.items() if value is not None}
+    return {name: _as_chosen(name, value) for name, value in values.items() if value is not None}
 
 
 def changed(changes: Iterable[RosParameter]) -> dict[str, Any]:
@@ -143,12 +143,23 @@ def _undeclare(node: Node, name: str) -> bool:
 def _typed(name: str, value: Any) -> RosParameter:
     """A parameter of the table's type if it is an empty list, else of the value's own, which is then checked."""
     value, kind = list(value) if isinstance(value, tuple) else value, ROWS[name].kind
+    if "|" in kind and isinstance(value, (str, float)):  # one for all
+        value = [] if value == "" else [value]
     return RosParameter(name, _TYPES[kind] if value == [] and kind.endswith("[]") else None, value)
 
 
 def _meant(change: RosParameter) -> Any:
     value = _plain(change.value)
     return ROWS[change.name].default if value is None else value
+
+
+def _as_chosen(name: str, value: Any) -> Any:
+    """The unit N where rcl has read it as YAML's "no"; Python's YAML, which dumps it, does not quote it."""
+    if isinstance(value, bool) and name in ROWS:
+        for choice in ROWS[name].choices:
+            if choice.lower() in (("y", "yes", "on") if value else ("n", "no", "off")):
+                return choice
+    return value
 
 
 def _plain(value: Any) -> Any:
