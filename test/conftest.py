@@ -6,6 +6,7 @@ import os
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 import fcntl
+import signal
 import tempfile
 from contextlib import ExitStack
 from importlib.util import find_spec
@@ -15,6 +16,10 @@ import pytest
 from hypothesis import settings
 
 REPOSITORY = Path(__file__).parents[1]
+
+# Where the shell ran this in the background, SIGINT is ignored, and would be in every process that a test starts.
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How properties run. No deadline: how long an example takes says more about the machine than about the code. The
 # examples are the same every time, whatever the environment says, so that a red run is the change's fault; nothing is

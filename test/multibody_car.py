@@ -1,7 +1,7 @@
 """A car that others wrote: the multi-body model of commonroad-vehicle-models (29 states), with sensors and truth.
 
-Its axes are x forward, y right, z down; what is handed out has those of REP 103. Its road is flat, so that what moves
-it are brakes and curves. g is 9.81 m/s^2 there.
+Its axes are x forward, y right, z down; what is handed out has those of REP 103. Its road is flat: what moves it are
+brakes and curves. g is 9.81 m/s^2 there.
 """
 
 from __future__ import annotations
@@ -75,13 +75,13 @@ def _rates(x, u, p):
     return np.array(vehicle_dynamics_mb(list(x), u, p))
 
 
-def record(name, duration=6.0, speed=22.0, seed=1):
-    """A manoeuvre, after three seconds in which the car settles; sensors with noise, no biases."""
+def record(name, duration=4.0, speed=22.0, seed=1):
+    """A manoeuvre, after a second and a half in which the car settles; sensors with noise, no biases."""
     p, car = parameters()
     x = np.array(init_mb([0.0, 0.0, 0.0, speed, 0.0, 0.0, 0.0], p))
     control = MANOEUVRES[name]
     kept = {each: [] for each in ("imu", "travel", "hub", "wheel_speed", "load")}
-    settle = round(3.0 / STEP)
+    settle = round(1.5 / STEP)
     for step in range(-settle, round(duration / STEP)):
         t = step * STEP
         u = list(control(t)) if step >= 0 else [0.0, 0.0]

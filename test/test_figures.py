@@ -456,6 +456,7 @@ def test_tongues_are_those_of_floquet_analysis():
         assert column[row] == pytest.approx(radius, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_tongues_begin_where_they_are_drawn_to():
     """The least eps at which a point beside a tip is unstable; the tongue may hide between two speeds, 25 rpm apart."""
     speed = table("tongues")["speed_rpm"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -83,13 +84,14 @@ def test_force_x_shows_the_fore_aft_compliance():
 
 
 @pytest.mark.nightly
-def test_errors_are_honest(monkeypatch):
-    """The study of `make identify-study`, reduced: noise, delay, gaps, rates, 30 % off."""
+@pytest.mark.parametrize("kind", ["free", "held", "gain", "late", "quantised", "noisy", "noise-said"])
+def test_errors_are_honest(monkeypatch, kind):
+    """The study of `make identify-study`, reduced: noise, delay, gaps, rates, 30 % off; each of its kinds."""
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "benchmarks"))
     from identify_study import run
 
     count = 5
-    runs = [run(seed, seconds=12.0) for seed in range(count)]
+    runs = [run(seed, 12.0, kind) for seed in range(count)]
     for name in runs[0]:
         miss = np.array([each[name][0] for each in runs])
         # Of 5 honest ones 2 or fewer are within two errors in one study in 1100: binom.cdf(2, 5, 0.9545). The seeds
@@ -98,8 +100,96 @@ def test_errors_are_honest(monkeypatch):
         assert np.abs(miss).max() < 4.0
         # and they are no larger than need be: of such the sum of squares is below 0.2 once in 1100, chi2.cdf(0.2, 5);
         # what the prior knows as well misses by less, hence only where it does not
-        if max(each[name][1] for each in runs) < 0.1:
+        if max(each[name][1] for each in runs) < 0.1 and kind not in ("noisy", "noise-said"):  # there they are bounds
             assert (miss**2).sum() > 0.2, (name, miss)
+
+
+@pytest.fixture(scope="module")
+def study():
+    """The study's recordings, integrated with nothing joined by lines."""
+    path = str(Path(__file__).parents[1] / "benchmarks")
+    sys.path.insert(0, path)
+    try:
+        import identify_study
+    finally:
+        sys.path.remove(path)
+    return identify_study
+
+
+def test_the_integrator_of_the_study_has_the_frequency_response(study):
+    """A load of one sine at 90 Hz, near the ring's resonance, at constant speed."""
+    seconds, f = 6.0, 90.0
+    time = np.arange(round(2 * seconds * study.FINE)) / (2.0 * study.FINE)
+    force = study.integrate(CAR, np.full(time.size, 60.0), 100.0 * np.cos(2.0 * math.pi * f * time))
+    late = slice(round(2.0 * study.FINE), None)  # settled, and a whole number of turns
+    seen = 2.0 * np.mean(force[late] * np.exp(-2j * math.pi * f * time[::2][late])[:, None], axis=0) / 100.0
+    exact = wheel.frequency_response(CAR, 60.0, f)[:, 0]
+    assert seen == pytest.approx(exact, rel=1e-4)  # the frequency to 4e-6, over twice a damping of 0.05
+
+
+def sampled(study, **change):
+    """The study's drive of 6 s with the mass held, no noise on the force, no gaps; at 500 Hz."""
+    random = np.random.default_rng(5)
+    count = 2 * 6 * study.FINE
+    time = np.arange(count) / (2.0 * study.FINE)
+    f = np.fft.rfftfreq(count, 0.5 / study.FINE)
+    spectrum = np.where((f > 0.0) & (f < 150.0), 1.0 / (1.0 + (f / 25.0) ** 2), 0.0)
+    load = np.fft.irfft(np.sqrt(spectrum) * np.exp(2j * math.pi * random.random(f.size)), count)
+    load = 4000.0 + 600.0 * load / load.std()
+    speed = np.full(count, 60.0)
+    force = study.integrate(CAR, speed, load)[::8]
+    time, speed, load = time[::16], speed[::16], load[::16]
+    record = {"speed_time": time, "speed": speed, "load_time": time, "load": load, "traction": np.zeros(time.size)}
+    return Recording(**record | {"force_time": time, "force": force} | change)
+
+
+def test_a_load_at_500_hz_is_not_biased(study):
+    """Cubic splines between the samples lose 0.5 % at 100 Hz, and zeta_1 was 0.6 % off; one of degree 7 loses 2e-5."""
+    record = sampled(study)
+    force = record.force + np.random.default_rng(2).standard_normal(record.force.shape)
+    found = identify(sampled(study, force=force), START, ("k_1", "zeta_1", "suspension_stiffness", "zeta_s"))
+    for name, value, error in zip(found.names, found.values, found.errors, strict=True):
+        assert abs(math.log(value / value_of(CAR, name))) < max(3.0 * error, 1e-4), name
+        assert error < 2e-3
+
+
+def test_a_gain_of_the_load_cell_is_found(study):
+    """F' of a load that changes slowly is that load: the data know a gain better than its prior."""
+    record = sampled(study)
+    force = record.force + np.random.default_rng(2).standard_normal(record.force.shape)
+    found = identify(sampled(study, force=force, load=1.02 * record.load), START, FIT)
+    assert found.gain_error < 1e-3 and abs(found.gain * 1.02 - 1.0) < 4.0 * found.gain_error
+    for name, value, error in zip(found.names, found.values, found.errors, strict=True):
+        assert abs(math.log(value / value_of(CAR, name))) < 4.0 * error < 0.02, name
+    held = identify(sampled(study, force=force, load=1.02 * record.load), START, FIT, gain_width=0.0)
+    assert held.gain == pytest.approx(1.0, abs=1e-4) and held.gain_error < 1e-5
+    assert abs(math.log(held.values[1] / CAR.suspension_stiffness)) > 10.0 * found.errors[1]  # where the gain went
+
+
+def test_noise_of_the_load_is_in_the_errors_or_taken_out(study):
+    record = sampled(study)
+    random = np.random.default_rng(3)
+    force = record.force + random.standard_normal(record.force.shape)
+    noisy = sampled(study, force=force, load=record.load + 40.0 * random.standard_normal(record.load.size))
+    names = FIT
+    unsaid, said = identify(noisy, START, names), identify(noisy, START, names, load_noise=40.0)
+    clean = identify(sampled(study, force=force), START, names)
+    # at no frequency does the model leave less than passes: a bound, near what is there
+    assert 36.0 < unsaid.load_noise < 55.0 and said.load_noise == 40.0
+    assert clean.load_noise < 3.0 and (np.abs(clean.bias) < 0.3 * clean.errors).all()
+    for found in (unsaid, said):
+        for name, value, error in zip(found.names, found.values, found.errors, strict=True):
+            assert abs(math.log(value / value_of(CAR, name))) < 3.0 * error < 0.1, name
+    assert (unsaid.errors >= np.abs(unsaid.bias)).all() and (said.errors < unsaid.errors).all()
+    # the same first-order shift, taken out of one
+    assert np.log(unsaid.values / said.values) == pytest.approx(said.bias, rel=0.2, abs=0.2 * said.errors.max())
+
+
+def test_what_a_sensor_can_not_have_is_refused():
+    record = recording(CAR, 6.0)
+    for wrong, says in (({"gain_width": -0.1}, "gain_width is -0.1"), ({"load_noise": math.nan}, "load_noise is nan")):
+        with pytest.raises(ValueError, match=says):
+            identify(record, START, FIT, **wrong)
 
 
 def test_delay_and_offset_have_their_signs():

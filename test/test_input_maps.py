@@ -299,3 +299,83 @@ def test_the_maps_take_nothing_else(bags):
     assert complete(read("carla"))["inputs.speed.unit"] == "rad/s"
     with pytest.raises(ValueError, match=r"inputs\.speed\.type is 'a_msgs/msg/B', whose definition is not there"):
         Pipeline({**read("carla"), "inputs.speed.type": "a_msgs/B", "inputs.load.type": "a_msgs/B"})
+
+
+def test_a_page_about_a_mapped_drive_has_its_speeds_and_loads(bags, tmp_path):
+    """As the page about the same drive in this package's own messages has them."""
+    from tire_dynamics.report.gather import gather
+
+    replay(bags / "carla", tmp_path / "log", inputs=MAPS / "carla.yaml")
+    reader = BagReader(tmp_path / "log")
+    drive = gather(reader, reader, replayed=True, quiet=True)
+    assert [each.topic for each in drive.inputs] == ["/carla/telemetry"]
+    [telemetry] = drive.inputs
+    assert telemetry.messages == 100 and telemetry.rate == pytest.approx(100.0)
+    for wheel, omega, load in zip(drive.wheels, OMEGA, LOAD, strict=True):
+        assert wheel.numbers["speed"].mean == pytest.approx(omega)
+        assert wheel.numbers["load_z"].mean == pytest.approx(load)
+
+
+# -- bags of other storages -------------------------------------------------------------------------------------------
+
+
+def test_a_bag_of_ros_1_with_messages_that_ros_2_does_not_have(tmp_path):
+    """TartanDrive's are such: what its definitions say is what is read."""
+    from rosbags.rosbag1 import Writer
+
+    kinds = {"/wheel_rpm": "racepak/msg/rp_wheel_encoders", "/shock_pos": "racepak/msg/rp_shock_sensors"}
+    one = get_typestore(Stores.ROS1_NOETIC)
+    for kind in kinds.values():
+        one.register(get_types_from_msg(FOUR, kind))
+    loads = [f"/{wheel}/load" for wheel in WHEELS]
+    with Writer(tmp_path / "tartan.bag") as bag:
+        told = {topic: bag.add_connection(topic, kind, typestore=one) for topic, kind in kinds.items()}
+        told |= {topic: bag.add_connection(topic, "geometry_msgs/msg/WrenchStamped", typestore=one) for topic in loads}
+        for k in range(100):
+            time = START + 10_000_000 * k
+            four_of = {"/wheel_rpm": [30.0 / math.pi * o for o in OMEGA], "/shock_pos": [t / 0.0254 for t in TRAVEL]}
+            for topic, kind in kinds.items():
+                raw = one.serialize_ros1(one.types[kind](**four(four_of[topic])), kind)
+                bag.write(told[topic], time, raw)
+            for topic in loads:
+                force, none = (one.types["geometry_msgs/msg/Vector3"](0.0, 0.0, z) for z in (4000.0, 0.0))
+                stamp = one.types["builtin_interfaces/msg/Time"](*divmod(time, 10**9))
+                header = one.types["std_msgs/msg/Header"](seq=k, stamp=stamp, frame_id="")
+                wrench_of = one.types["geometry_msgs/msg/Wrench"](force, none)
+                whole = one.types["geometry_msgs/msg/WrenchStamped"](header, wrench_of)
+                bag.write(told[topic], time, one.serialize_ros1(whole, "geometry_msgs/msg/WrenchStamped"))
+    done = replay(tmp_path / "tartan.bag", tmp_path / "out", inputs=MAPS / "tartan_drive.yaml")
+    assert not done.without and done.written["front_left/axle_wrench"] > 400
+    replay(tmp_path / "out", tmp_path / "again")
+    assert [*BagReader(tmp_path / "out").messages()] == [*BagReader(tmp_path / "again").messages()]
+
+
+def test_a_bag_in_sqlite_with_its_definitions(tmp_path):
+    """As recorders since Iron write it, in a table."""
+    import sqlite3
+
+    kind = "ds_dbw_msgs/msg/WheelSpeeds"
+    database = sqlite3.connect(tmp_path / "drive.db3")
+    database.executescript(
+        "CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT NOT NULL, type TEXT NOT NULL,"
+        " serialization_format TEXT NOT NULL, offered_qos_profiles TEXT NOT NULL);"
+        "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER NOT NULL, timestamp INTEGER NOT NULL,"
+        " data BLOB NOT NULL);"
+        "CREATE TABLE message_definitions(id INTEGER PRIMARY KEY, topic_type TEXT NOT NULL, encoding TEXT NOT NULL,"
+        " encoded_message_definition TEXT NOT NULL, type_description_hash TEXT NOT NULL);"
+    )
+    wrenches = "geometry_msgs/msg/WrenchStamped"
+    topics = {"/vehicle/wheel_speeds": kind, **{f"/{wheel}/load": wrenches for wheel in WHEELS}}
+    for number, (topic, of) in enumerate(topics.items(), 1):
+        database.execute("INSERT INTO topics VALUES (?, ?, ?, 'cdr', '')", (number, topic, of))
+    database.execute("INSERT INTO message_definitions VALUES (1, ?, 'ros2msg', ?, '')", (kind, DEFINITIONS[kind]))
+    for k in range(100):
+        time = 10_000_000 * k
+        messages = [MESSAGES["dataspeed"]["/vehicle/wheel_speeds"](time), *(wrench(time, 4000.0, 0.0) for _ in WHEELS)]
+        rows = [(number, START + time, data) for number, (_, data) in enumerate(messages, 1)]
+        database.executemany("INSERT INTO messages(topic_id, timestamp, data) VALUES (?, ?, ?)", rows)
+    database.commit()
+    database.close()
+    done = replay(tmp_path / "drive.db3", tmp_path / "out", inputs=MAPS / "dataspeed.yaml")
+    assert not done.without and done.written["rear_right/axle_wrench"] > 400
+    assert done.parameters["inputs.imu.topic"] == ()  # which the bag does not have

@@ -578,8 +578,6 @@ def test_the_stability_service_gives_the_closed_form(bench, speed):
         "critical_speed_rad_s",
         "periodicity",
         "nearest_tongue_rad_s",
-        "nearest_tongue_scale",
-        "nearest_tongue_scale_first_order",
         "contact",
     ]  # fmt: skip
     assert (reply["wheel"], reply["verdict"]) == ("wheel", "asymptotically stable")

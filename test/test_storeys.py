@@ -80,9 +80,9 @@ def uses(file: Path, package: Path) -> set[Use]:
 
 def place(module: str) -> float:
     """How high a module stands; what is in no room stands above those that are public, ``__main__`` above all."""
-    if module.endswith(".__main__"):
-        return len(ROOMS)
     room = module.split(".")[1] if "." in module else ""
+    if room == "__main__":
+        return len(ROOMS)
     return ROOMS.index(room) if room in ROOMS else PUBLIC - 0.5
 
 

@@ -404,8 +404,7 @@ def test_there_is_no_other_wheel(vehicle, index):
 # -- stability --------------------------------------------------------------------------------------------------
 
 KEYS = ["wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "nearest_tongue_scale",
-        "nearest_tongue_scale_first_order", "contact", "n_max"]  # fmt: skip
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "contact", "n_max"]  # fmt: skip
 
 
 @pytest.mark.parametrize("speed", [120.0, -120.0])

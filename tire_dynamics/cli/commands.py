@@ -192,6 +192,7 @@ def _declare(commands: Commands) -> None:
                 ' --load log.csv --load-columns "left=Tyre Load FL" -o drive --forces forces --config tire.yaml',
                 "a logger's export, units as it says, and on to forces",
             ),
+            ("import --inputs map.yaml -o drive", "columns of any quantities, as a field map says"),
         ),
     )
     csv_import.add_arguments(command)

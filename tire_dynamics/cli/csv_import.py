@@ -45,10 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "a load in kN, are named. With --forces the bag is replayed at once."
     )
     speed = parser.add_argument_group("wheel speeds")
-    speed.add_argument("--speed", metavar="FILE", required=True, help="CSV file of the wheel speeds")
-    speed.add_argument(
-        "--speed-columns", metavar="WHEEL=COLUMN", nargs="+", required=True, help="each wheel and its column"
-    )
+    speed.add_argument("--speed", metavar="FILE", help="CSV file of the wheel speeds")
+    speed.add_argument("--speed-columns", metavar="WHEEL=COLUMN", nargs="+", help="each wheel and its column")
     speed.add_argument(
         "--speed-unit",
         choices=(*_ANGULAR, *_ROLLING),
@@ -57,12 +55,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     speed.add_argument("--rolling-radius", metavar="M", type=float, help="[m], to make rad/s of m/s, km/h or mph")
     speed.add_argument("--speed-time-column", metavar="COLUMN", help="times of this file, if not --time-column")
     load = parser.add_argument_group("wheel loads")
-    load.add_argument("--load", metavar="FILE", required=True, help="CSV file of the vertical loads")
+    load.add_argument("--load", metavar="FILE", help="CSV file of the vertical loads")
     load.add_argument(
         "--load-columns",
         metavar="[WHEEL=]COLUMN",
         nargs="+",
-        required=True,
         help="each wheel and its column, or one column for every wheel",
     )
     load.add_argument(
@@ -92,6 +89,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         help="move the first sample to this time, seconds since the epoch; default: times stay as recorded",
     )
+    whole = parser.add_argument_group("any quantities")
+    whole.add_argument(
+        "--inputs",
+        metavar="YAML",
+        help="instead of all these: a field map, whose topics are CSV files beside it and whose fields are their "
+        "columns; stamp is the column of time, with its unit behind it",
+    )
     parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
     parser.add_argument("--force", action="store_true", help="replace what exists of OUT and FORCES")
     forces = parser.add_argument_group("forces")
@@ -105,6 +109,17 @@ def run(options: argparse.Namespace) -> int:
     ``InputError``: if the options contradict each other, a file or column cannot be used, or the output exists.
     """
     _check_forces(options)
+    if options.inputs is not None:
+        from . import map_import
+
+        map_import.run(options)
+        if options.forces is not None:
+            _replayed(options)
+        return 0
+    absent = [name for name in ("speed", "speed_columns", "load", "load_columns") if getattr(options, name) is None]
+    if absent:
+        names = ", ".join(f"--{name.replace('_', '-')}" for name in absent)
+        raise InputError(f"needs {names}, or --inputs (see tire-dynamics import --help)")
     speed_columns = _speed_columns(options.speed_columns)
     wheels = list(speed_columns)
     load_columns = _load_columns(options.load_columns, wheels)

@@ -80,6 +80,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=0.5,
         help="of the priors, in the logarithm (0.5); those that import-tir --estimate wrote beside --start come first",
     )
+    parser.add_argument(
+        "--gain-error",
+        metavar="E",
+        type=float,
+        default=0.01,
+        help="standard error of the gain of the force's channel over the load's (0.01); 0 takes it for 1",
+    )
+    parser.add_argument(
+        "--load-noise",
+        metavar="N",
+        type=float,
+        help="white noise of the load's channel [N rms], whose effect is taken out; else the errors contain what there "
+        "may be of it",
+    )
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else that of --start")
     parser.add_argument("--from", dest="begin", metavar="S", type=float, default=0.0, help="leave out what is before")
     parser.add_argument("--to", dest="end", metavar="S", type=float, help="and what is after [s of the drive]")
@@ -146,6 +160,8 @@ def run(options: argparse.Namespace) -> int:
             joined=options.between,
             prior_width=prior_widths(options, is_tir),
             model=options.model or how.values["model"],
+            gain_width=options.gain_error,
+            load_noise=options.load_noise,
         )
     except (ArithmeticError, ValueError) as error:
         raise InputError(f"{options.input}: {error}") from None
@@ -343,6 +359,12 @@ def statements(found: Identification) -> list[str]:
             f"{', '.join(group[:-1])} and {group[-1]} are tied (correlation {least:.3f}): the data know a combination "
             "of them far better than each; hold one that is known otherwise"
         )
+    for name, error, bias in zip(found.names, found.errors, found.bias, strict=True):
+        if abs(bias) > 0.5 * error:
+            said.append(
+                f"{name}: the load may have {found.load_noise:.2g} N rms of white noise, which would move it by "
+                f"{bias:+.1%}: that is in the error; --load-noise says what it has"
+            )
     band = _band(found)
     if band is not None:
         said.append(
@@ -394,7 +416,8 @@ def _lines(output: str, found: Identification) -> list[str]:
     lines.append(f"  {'':26} {'estimate':>12} {'error':>8}   {'started from':>12}")
     for name, value, error in zip(found.names, found.values, found.errors, strict=True):
         lines.append(f"  {name:26} {value:12.5g} {100.0 * error:6.2g} %   {value_of(found.start, name):12.5g}")
-    lines.append(f"  {'delay of the sensor [ms]':26} {1e3 * found.delay:12.4g} +- {1e3 * found.delay_error:.2g}")
+    lines.append(f"  {'delay after the load [ms]':26} {1e3 * found.delay:12.4g} +- {1e3 * found.delay_error:.2g}")
+    lines.append(f"  {'gain over the load':26} {found.gain:12.5g} +- {found.gain_error:.2g}")
     for axis, offset, error, noise in zip(found.axes, found.offset, found.offset_error, found.noise, strict=True):
         name = f"offset of force.{'xz'[axis]} [N]"
         lines.append(f"  {name:26} {offset:12.4g} +- {error:.2g}   noise {noise:.3g} N rms")
@@ -414,8 +437,13 @@ def _content(found: Identification) -> dict[str, Any]:
         "prior_width": found.prior_width.tolist(),
         "of_the_prior": list(found.priors),
         "at_bound": list(found.at_bound),
+        "delay_of": "the measured force after the load's channel",
         "delay_s": found.delay,
         "delay_error_s": found.delay_error,
+        "gain": found.gain,
+        "gain_error": found.gain_error,
+        "load_noise_rms_N": found.load_noise,
+        "relative_bias_of_load_noise": found.bias.tolist(),
         "axes": ["xz"[axis] for axis in found.axes],
         "offset_N": found.offset.tolist(),
         "offset_error_N": found.offset_error.tolist(),

@@ -1,12 +1,14 @@
 """Parameters of a unit from a force that was measured at its axle: the frequency response first, then the time series.
 
-The measured force is taken to be that of the unit a constant time ago, with a constant offset and a noise of any
-spectrum that does not change. Speed, load and traction are taken to be exact. Parameters are positive and fitted by
-their logarithms, so that an error is a ratio; each has a Gaussian prior there, around the starting unit.
+The measured force is taken to be that of the unit a constant time ago, with a constant gain and offset and a noise of
+any spectrum that does not change. Speed and traction are taken to be exact, the load but for white noise. Parameters
+are positive and fitted by their logarithms, so that an error is a ratio; each has a Gaussian prior there, around the
+starting unit.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Final, Literal
 
@@ -66,6 +68,8 @@ def identify(
     joined: Joined = "smooth",
     prior_width: float | Mapping[str, float] = 0.5,
     model: wheel.Model = "inextensional",
+    gain_width: float = 0.01,
+    load_noise: float | None = None,
 ) -> Identification:
     """Fit parameters of a unit to a force that was measured at its axle.
 
@@ -79,12 +83,19 @@ def identify(
     axes : {"z", "xz"}
         What was measured: the force on the suspension, or force.x as well.
     joined : {"smooth", "lines", "zero-order-hold"}
-        What the load was between its samples: a cubic spline, for a quantity that was sampled faster than it changes;
+        What the load was between its samples: a spline of degree 7, for a quantity that was sampled faster than it
+        changes: it keeps the gain to 2e-5 at a fifth of the sampling rate, to 1e-3 at three tenths;
         straight lines, as :func:`.simulate` has them; or a zero-order hold, as the live estimator takes it.
     prior_width : float or mapping of str to float
         Standard deviation of the prior of each parameter's logarithm, of all or by their names; 0.5 of those that a
         mapping leaves out.
     model : {"inextensional", "complete"}
+    gain_width : float
+        Standard deviation of the prior of the gain of the force's channel over the load's, 0 to 1; 0 holds it at 1.
+    load_noise : float, optional
+        White noise of the load's channel [N rms], >= 0. If it is given, what it does to the estimates is taken out;
+        else what there may be at the most, by what the model leaves and by the load near half its sampling rate; what
+        that would do is added to the errors.
 
     Returns
     -------
@@ -109,10 +120,21 @@ def identify(
        forgotten that is left out.
 
     The errors are those of (J^T J + 1/prior_width^2)^-1, J the whitened derivatives over the noise's standard
-    deviation. They are right if the model is: what a wrong model or a wrong fixed field does is not in them.
+    deviation, a gain between the two channels being unknown as well. They are right if the model is: what a wrong model
+    or a wrong fixed field does is not in them.
+
+    Noise n of the load (errors in variables) moves the estimates by -(J^T J + ...)^-1 J_n^T r_n, to first order, r_n
+    and J_n the model's whitened answer to it and its derivatives. White noise of that size is drawn once, from a seed.
+    At no frequency is there more of it than what the model leaves there, over |H|^2.
     """
     _check(start, fit, axes, prior_width)
-    problem = Problem(recording, start, tuple(fit), AXES[axes], joined, _widths(fit, prior_width), model)
+    if not 0.0 <= gain_width <= 1.0:
+        raise ValueError(f"gain_width is {gain_width!r}; it must be from 0 to 1")
+    if load_noise is not None and not 0.0 <= load_noise < math.inf:
+        raise ValueError(f"load_noise is {load_noise!r}; it must be >= 0 and finite")
+    problem = Problem(
+        recording, start, tuple(fit), AXES[axes], joined, _widths(fit, prior_width), model, gain_width, load_noise
+    )
     seen, first, delay = from_spectra(problem)
     return from_time_series(problem, seen, first, delay)
 

@@ -8,9 +8,10 @@ from typing import Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate
+from scipy import signal
 
 from ..science import wheel
+from ..science.interpolation import smooth_curve
 from ..science.spectra import Transfer
 from ..science.uncertainty import value_of, with_values
 from ..science.unit import TireWheelUnit
@@ -23,8 +24,10 @@ __all__ = [
     "FITTED",
     "FORE_AFT",
     "GAP",
+    "HELD",
     "Identification",
     "Joined",
+    "OUTPUT_DEGREE",
     "Problem",
     "Recording",
     "Seen",
@@ -36,6 +39,8 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 Joined = Literal["smooth", "lines", "zero-order-hold"]
+OUTPUT_DEGREE: Final = 5
+"""Of the splines through the model's force, at 1 kHz at least: they keep the gain to 3e-6 at 100 Hz."""
 
 DEFAULT_FIT: Final = ("k_1", "zeta_1", "wheel_mass", "suspension_stiffness", "zeta_s")
 FORE_AFT: Final = ("longitudinal_stiffness", "longitudinal_damping_ratio", "longitudinal_mass")
@@ -50,6 +55,7 @@ _SLOWEST = 10.0  # [Hz] of the samples
 _FORGET = 9.0  # e-foldings of the slowest motion until a section no longer remembers how it began; see _forgetting
 _FACTOR = 30.0  # by which a parameter may leave the starting unit's
 TOP_ZETA = 0.99
+HELD: Final = 1e-6  # width of a prior that leaves nothing free
 DIFFERENCE = 1e-6  # of the logarithm, for derivatives
 
 
@@ -121,7 +127,13 @@ class Identification:
     prior_width : ndarray, shape (P,)
         Standard deviation of the prior of each ln(value).
     delay, delay_error : float
-        Of the measurement [s]: it shows what the axle did so long before.
+        Of the measured force after the load's channel [s]: where that is late itself, so much less.
+    gain, gain_error : float
+        Of the force's sensor over the load's, with its prior.
+    load_noise : float
+        White noise that the load's channel has [N rms], as it was said, or may have at the most.
+    bias : ndarray, shape (P,)
+        What that noise does to ln(value), and is in ``errors``; where it was said, it is taken out.
     axes : tuple of int
         Columns of the force that were fitted, 0 for x and 1 for z; the next four have a value for each.
     offset, offset_error, noise, explained : ndarray
@@ -149,6 +161,10 @@ class Identification:
     prior_width: FloatArray
     delay: float
     delay_error: float
+    gain: float
+    gain_error: float
+    load_noise: float
+    bias: FloatArray
     axes: tuple[int, ...]
     offset: FloatArray
     offset_error: FloatArray
@@ -190,9 +206,12 @@ class Problem:
         joined: Joined,
         prior_width: FloatArray,
         model: wheel.Model,
+        gain_width: float = 0.0,
+        load_noise: float | None = None,
     ) -> None:
         self.recording, self.start, self.names, self.axes = recording, start, names, axes
         self.joined, self.prior_width, self.model = joined, prior_width, model
+        self.gain_width, self.given_noise = max(gain_width, HELD), load_noise
         self.origin = np.log([value_of(start, name) for name in names])
         reach = math.log(_FACTOR)
         tops = [math.log(TOP_ZETA) if "zeta" in n or "damping_ratio" in n else math.inf for n in names]
@@ -210,26 +229,57 @@ class Problem:
         if not len(spans):
             raise ValueError("speed and load are never there at the same time")
         longest = float((spans[:, 1] - spans[:, 0]).max())
-        self.sections = [self._section(a, b) for a, b in spans if b - a > self.settling + 0.2]
+        self.spans = [(a, b) for a, b in spans.tolist() if b - a > self.settling + 0.2]
+        self.sections = self._sections(recording.load, recording.traction)
         if not self.sections:
             raise ValueError(
                 f"no section without a gap is longer than {longest:.3g} s; the starting unit takes "
                 f"{self.settling:.3g} s to forget how it began"
             )
 
-    def _section(self, begin: float, end: float) -> Section:
+    def _sections(self, load: FloatArray, traction: FloatArray) -> list[Section]:
+        """The inputs over each span, of a load and a traction at the stamps of the recording's."""
+        return [self._section(begin, end, load, traction) for begin, end in self.spans]
+
+    def load_noise(self) -> float:
+        """How much white noise the load's channel has at the most [N rms]: all that is near half its sampling rate.
+
+        There the road has little left, and white noise as much as elsewhere.
+        """
+        record = self.recording
+        rate = 1.0 / median(record.load_time)
+        floors, weights = [], []
+        for begin, end in self.spans:
+            part = record.load[slice(*np.searchsorted(record.load_time, [begin - 1e-9, end + 1e-9]))]
+            length = min(256, part.size)
+            if length >= 32:
+                f, density = signal.welch(part, rate, nperseg=length, detrend="constant")
+                band = (f > 0.4 * rate) & (f < 0.48 * rate)
+                floors.append(float(density[band].mean()))
+                weights.append(part.size)
+        return math.sqrt(float(np.average(floors, weights=weights)) * 0.5 * rate) if floors else 0.0
+
+    def sections_of_noise(self, rms: float) -> list[Section]:
+        """The spans with white noise [N rms] in the place of the load: always the same, by a seed."""
+        noise = np.random.default_rng(1992).standard_normal(self.recording.load.size)
+        return self._sections(rms * noise, np.zeros_like(noise))
+
+    def _section(self, begin: float, end: float, load: FloatArray, traction: FloatArray) -> Section:
         record = self.recording
         inside = slice(*np.searchsorted(record.load_time, [begin - 1e-9, end + 1e-9]))
         stamps = record.load_time[inside]
-        inputs = np.column_stack([record.load[inside], record.traction[inside]])
+        inputs = np.column_stack([load[inside], traction[inside]])
         parts = max(1, math.ceil(_FINE * float(np.median(np.diff(record.load_time)))))
         kept: slice | NDArray[np.bool_] = slice(None)
         if self.joined == "smooth":
             step = (stamps[-1] - stamps[0]) / (parts * (stamps.size - 1))
             time = stamps[0] + step * np.arange(parts * (stamps.size - 1) + 1)
-            curve = interpolate.CubicSpline(stamps, inputs)
+            curve = smooth_curve(stamps, inputs)
             # The model joins its samples by lines: those which lie beside the curve such that they carry what it does.
-            forces = curve(time) - step * step / 12.0 * curve(time, 2)
+            # Lines keep sinc^2(f step) of a sine, whose inverse is 1 + u^2/3 + u^4/15 + ... at u = pi f step.
+            forces = curve(time)
+            if stamps.size > 5:
+                forces = forces - step**2 / 12.0 * curve(time, 2) + step**4 / 240.0 * curve(time, 4)
         else:
             time = np.interp(np.arange(parts * (stamps.size - 1) + 1) / parts, np.arange(stamps.size), stamps)
             forces = np.column_stack([np.interp(time, stamps, column) for column in inputs.T])

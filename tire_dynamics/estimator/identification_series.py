@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, linalg, optimize, signal
+from scipy import linalg, optimize, signal
 
-from ..science.spectra import Spectra
-from .identification_problem import DIFFERENCE, Identification, Problem, Section, Seen
+from ..science import wheel
+from ..science.interpolation import smooth_curve
+from ..science.spectra import Spectra, Transfer
+from .identification_problem import DIFFERENCE, OUTPUT_DEGREE, Identification, Problem, Section, Seen, median
 
 __all__ = [
     "from_time_series",
@@ -21,6 +23,9 @@ FloatArray = NDArray[np.float64]
 
 _NEARBY = 0.02  # [s]: how far the time series may move the delay
 _ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32)  # of the noise's autoregression
+_MOST_GAIN = 2.0  # of its logarithm, either way
+_LINES = 4  # of a spectrum, taken together
+_KNOWN_NOISE = 0.2  # share of its effect that remains unsure of a noise whose size was said, to a tenth
 _CALLS = (6, 10, 25, 25, 25)  # of the model by turns of fit and noise: the first are for the noise's sake
 
 
@@ -112,43 +117,68 @@ class _Series:
         for part, section, curve in zip(self.parts, self.sections, curves, strict=True):
             if not np.isfinite(curve).all():
                 return np.full_like(self.force, math.nan)
-            spline = interpolate.CubicSpline(section.time[section.kept], curve)
+            spline = smooth_curve(section.time[section.kept], curve, OUTPUT_DEGREE)
             values.append(spline(record.force_time[part] - delay, derivative))
         whole: FloatArray = np.concatenate(values)
         return whole
 
     def residual(self, z: FloatArray) -> FloatArray:
-        """Model less measurement (N, A); z is q of :class:`_Coordinates`, the delay [ms] and the offsets [N]."""
+        """Model less measurement (N, A).
+
+        z is q of :class:`_Coordinates`, the delay [ms], the logarithm of the gain and the offsets [N].
+        """
         P = len(self.problem.names)
-        offset: FloatArray = z[P + 1 :] - self.force
-        return self.at(self.curves(self.coordinates.logs(z[:P])), 1e-3 * float(z[P])) + offset
+        offset: FloatArray = z[P + 2 :] - self.force
+        return math.exp(z[P + 1]) * self.at(self.curves(self.coordinates.logs(z[:P])), 1e-3 * float(z[P])) + offset
 
     def jacobian(self, z: FloatArray) -> FloatArray:
-        """Derivatives of the residual, (N, A, P + 1 + A); the last are remembered."""
+        """Derivatives of the residual, (N, A, P + 2 + A); the last are remembered."""
         if self._known_jacobian[0] != z.tobytes():
-            self._known_jacobian = (z.tobytes(), self._jacobian(z))
+            base = self.curves(self.coordinates.logs(z[: len(self.problem.names)]))
+            self._known_jacobian = (z.tobytes(), self._jacobian(z, self.sections, base))
         return self._known_jacobian[1]
 
-    def _jacobian(self, z: FloatArray) -> FloatArray:
+    def _jacobian(self, z: FloatArray, sections: Sequence[Section], base: Sequence[FloatArray]) -> FloatArray:
+        """Of the forces that the model has under the inputs of these sections, ``base`` at z."""
         P, A = len(self.problem.names), self.force.shape[1]
-        q, delay = z[:P], 1e-3 * float(z[P])
+        q, delay, gain = z[:P], 1e-3 * float(z[P]), math.exp(z[P + 1])
         x = self.coordinates.logs(q)
-        base = self.curves(x)
         J = np.zeros((*self.force.shape, z.size))
         for k in range(P):
             step = DIFFERENCE if x[k] + DIFFERENCE < self.problem.high[k] else -DIFFERENCE
             unit = self.problem.unit(self.coordinates.logs(q + step * (np.arange(P) == k)))
-            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in self.sections]
-            J[..., k] = self.at([(one - other) / step for one, other in zip(moved, base, strict=True)], delay)
-        J[..., P] = -1e-3 * self.at(base, delay, 1)
-        J[:, np.arange(A), P + 1 + np.arange(A)] = 1.0
+            moved = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in sections]
+            J[..., k] = gain * self.at([(one - other) / step for one, other in zip(moved, base, strict=True)], delay)
+        J[..., P] = -1e-3 * gain * self.at(base, delay, 1)
+        J[..., P + 1] = gain * self.at(base, delay)
+        J[:, np.arange(A), P + 2 + np.arange(A)] = 1.0
         return J
 
+    def pull(self, z: FloatArray, noise: Sequence[_Noise], rms: float) -> FloatArray:
+        """The slope of half the cost at the truth that white noise of the load [N rms] brings, (P + 2 + A,).
+
+        The model answers to noise that never was: its answer, and its derivatives of it, whitened, over all samples.
+        What the delay would make of it has no mean.
+        """
+        x = self.coordinates.logs(z[: len(self.problem.names)])
+        kept = {section.time[0] for section in self.sections}
+        sections = [each for each in self.problem.sections_of_noise(rms) if each.time[0] in kept]
+        unit = self.problem.unit(x)
+        base = [self.problem.forces(unit, each)[:, list(self.problem.axes)] for each in sections]
+        J = self._jacobian(z, sections, base)
+        J[..., len(self.problem.names)] = 0.0
+        J[..., len(self.problem.names) + 2 :] = 0.0
+        answer = J[..., len(self.problem.names) + 1]
+        slope: FloatArray = self.whitened(J, noise).T @ self.whitened(answer, noise)
+        return slope
+
     def prior_slope(self, z: FloatArray) -> FloatArray:
-        """Derivatives of the priors' residuals (x - origin)/width, (P, P + 1 + A)."""
+        """Derivatives of the priors' residuals, (x - origin)/width and that of the gain, (P + 1, P + 2 + A)."""
         P = len(self.problem.names)
-        slope = self.coordinates.slope(self.coordinates.logs(z[:P])) / self.problem.prior_width[:, None]
-        return np.concatenate([slope, np.zeros((P, z.size - P))], axis=1)
+        slope = np.zeros((P + 1, z.size))
+        slope[:P, :P] = self.coordinates.slope(self.coordinates.logs(z[:P])) / self.problem.prior_width[:, None]
+        slope[P, P + 1] = 1.0 / self.problem.gain_width
+        return slope
 
     def noise(self, residual: FloatArray) -> list[_Noise]:
         """The autoregression of each column of a residual, its order by Akaike's criterion."""
@@ -191,13 +221,13 @@ def _autoregression(residual: FloatArray, runs: Sequence[slice]) -> _Noise:
 def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray, delay: float) -> Identification:
     series = _Series(problem, delay)
     P, A = len(problem.names), series.force.shape[1]
-    if series.time.size < 20 * (P + 1 + A):
-        raise ValueError(f"{series.time.size} samples of the measured force are left; {20 * (P + 1 + A)} are needed")
+    if series.time.size < 20 * (P + 2 + A):
+        raise ValueError(f"{series.time.size} samples of the measured force are left; {20 * (P + 2 + A)} are needed")
     if not np.isfinite(series.curves(first)[0]).all():
         first = problem.origin
     first = np.clip(first, problem.low + 1e-9, problem.high - 1e-9)
-    z = np.concatenate([series.coordinates.of(first), [1e3 * delay], np.zeros(A)])
-    z[P + 1 :] = -series.residual(z).mean(axis=0)
+    z = np.concatenate([series.coordinates.of(first), [1e3 * delay, 0.0], np.zeros(A)])
+    z[P + 2 :] = -series.residual(z).mean(axis=0)
     residual = series.residual(z)
     for calls in _CALLS:
         noise = series.noise(residual)
@@ -205,13 +235,26 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
         residual = series.residual(z)
         if moved < 0.3:
             break
-    x = series.coordinates.logs(z[:P])
     white = series.whitened(residual, noise)
     spare = max(white.size - z.size, 1)
-    information = J.T @ J * (spare / float(white @ white))  # what the noise turned out to be
+    sure = spare / float(white @ white)  # what the noise turned out to be
+    information = J.T @ J * sure
     prior = series.prior_slope(z)
-    to_logs = linalg.block_diag(series.coordinates.slope(x), np.eye(1 + A))
-    covariance, own = (to_logs @ _inverse(information + share * prior.T @ prior) @ to_logs.T for share in (1.0, 1e-4))
+    if problem.given_noise is not None:
+        rms = problem.given_noise
+    else:
+        rms = min(problem.load_noise(), _noise_that_passes(series, residual[:, -1], series.coordinates.logs(z[:P])))
+    bias = -_inverse(information + prior.T @ prior) @ (sure * series.pull(z, noise, rms)) if rms > 0.0 else 0.0 * z
+    if problem.given_noise is not None:
+        z = z - bias
+    x = series.coordinates.logs(z[:P])
+    to_logs = linalg.block_diag(series.coordinates.slope(x), np.eye(2 + A))
+    # by the data alone: without the priors of the parameters, but with that of the gain, which is of the sensors
+    shares = (np.ones(P + 1), np.append(np.full(P, 1e-4), 1.0))
+    covariance, own = (to_logs @ _inverse(information + (prior.T * share) @ prior) @ to_logs.T for share in shares)
+    bias = to_logs @ bias
+    unsure = bias * (_KNOWN_NOISE if problem.given_noise is not None else 1.0)
+    covariance, own = covariance + np.outer(unsure, unsure), own + np.outer(unsure, unsure)
     errors = np.sqrt(np.diag(covariance))
     at = [name for k, name in enumerate(problem.names) if min(x[k] - problem.low[k], problem.high[k] - x[k]) < 1e-3]
     power = np.var(series.force, axis=0)
@@ -228,9 +271,13 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
         prior_width=problem.prior_width,
         delay=1e-3 * float(z[P]),
         delay_error=1e-3 * float(errors[P]),
+        gain=math.exp(z[P + 1]),
+        gain_error=float(errors[P + 1]),
+        load_noise=rms,
+        bias=bias[:P],
         axes=problem.axes,
-        offset=z[P + 1 :],
-        offset_error=errors[P + 1 :],
+        offset=z[P + 2 :],
+        offset_error=errors[P + 2 :],
         noise=np.sqrt(left),
         explained=1.0 - np.divide(left, power, out=np.ones_like(left), where=power > 0.0),
         orders=tuple(each.coefficients.size for each in noise),
@@ -258,7 +305,7 @@ def _solve(
     more steps than others.
     """
     problem, P = series.problem, len(series.problem.names)
-    whole = P + series.whitened(series.force, noise).shape[0]
+    whole = P + 1 + series.whitened(series.force, noise).shape[0]
 
     def whitened(z: FloatArray) -> FloatArray:
         return np.concatenate([series.whitened(series.jacobian(z), noise), series.prior_slope(z)])
@@ -271,9 +318,11 @@ def _solve(
         with np.errstate(over="ignore"):
             x = series.coordinates.logs(at[:P]) if np.abs(at[:P]).max() < 600.0 else np.full(P, math.inf)
         inside = ((x >= problem.low) & (x <= problem.high)).all() and abs(1e-3 * at[P] - delay) < 0.9 * _NEARBY
+        inside = inside and abs(at[P + 1]) < _MOST_GAIN
         if not inside:
             return np.full(whole, math.inf)  # a shorter step is tried
-        return np.concatenate([series.whitened(series.residual(at), noise), (x - problem.origin) / problem.prior_width])
+        priors = np.append((x - problem.origin) / problem.prior_width, at[P + 1] / problem.gain_width)
+        return np.concatenate([series.whitened(series.residual(at), noise), priors])
 
     solver: Callable[..., optimize.OptimizeResult] = optimize.least_squares
     found = solver(
@@ -285,7 +334,41 @@ def _solve(
         max_nfev=calls,
     )
     at = z + across @ found.x
-    return at, whitened(at)[:-P], float(np.linalg.norm(triangle @ (at - z)))
+    return at, whitened(at)[: -P - 1], float(np.linalg.norm(triangle @ (at - z)))
+
+
+def _transfer(series: _Series, load: FloatArray, residual: FloatArray) -> Transfer | None:
+    """What is seen from the load to the residual; None of less than 8 segments."""
+    longest = max(run.stop - run.start for run in series.runs)
+    length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
+    spectra = Spectra(1.0 / series.problem.interval, length, zero_order_hold=False)
+    for run in series.runs:
+        spectra.add(series.time[run], load[run], residual[run])
+    transfer = spectra.transfer()
+    return None if transfer is None or transfer.segments < 8 else transfer
+
+
+def _noise_that_passes(series: _Series, residual: FloatArray, x: FloatArray) -> float:
+    """How much white noise the load's channel has at the most [N rms], by what the model leaves.
+
+    The model answers to noise of the load as to the load: at no frequency is there more of it than what is left there
+    over |H|^2.
+    """
+    problem = series.problem
+    transfer = _transfer(series, np.zeros_like(residual), residual)
+    if transfer is None:
+        return math.inf
+    speed = float(np.mean(np.concatenate([each.speed for each in series.sections])))
+    H = wheel.frequency_response(problem.unit(x), speed, transfer.frequency, problem.model)[:, problem.axes[-1], 0]
+    count = transfer.frequency.size // _LINES * _LINES
+    left = transfer.output[:count].reshape(-1, _LINES).mean(axis=1)
+    passes = (np.abs(H[:count]) ** 2).reshape(-1, _LINES).mean(axis=1)
+    if not left.size:
+        return math.inf
+    # two deviations above the least: of many, each of a few segments, that is too low
+    sure = 1.0 + 2.0 / math.sqrt(0.5 * _LINES * transfer.segments)
+    density = float((left / np.maximum(passes, 1e-30)).min()) * sure
+    return math.sqrt(density * 0.5 / median(problem.recording.load_time))
 
 
 def _unexplained(series: _Series, residual: FloatArray, delay: float) -> float:
@@ -296,13 +379,8 @@ def _unexplained(series: _Series, residual: FloatArray, delay: float) -> float:
             for part, each in zip(series.parts, series.sections, strict=True)
         ]
     )
-    longest = max(run.stop - run.start for run in series.runs)
-    length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
-    spectra = Spectra(1.0 / series.problem.interval, length, zero_order_hold=False)
-    for run in series.runs:
-        spectra.add(series.time[run], load[run], residual[run])
-    transfer = spectra.transfer()
-    if transfer is None or transfer.segments < 8:
+    transfer = _transfer(series, load, residual)
+    if transfer is None:
         return 0.0
     by_chance = 1.2 / transfer.segments  # segments that overlap by half are not quite independent
     share = np.sum(transfer.output * (transfer.coherence - by_chance)) / max(float(np.sum(transfer.output)), 1e-300)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import interpolate, optimize, signal
+from scipy import optimize, signal
 
 from ..science import wheel
+from ..science.interpolation import smooth_curve
 from ..science.spectra import Spectra, Transfer
 from .identification_problem import GAP, Problem, Section, Seen, median
 
@@ -106,7 +107,7 @@ def _windows(
         return
     load, speed = (np.interp(time, section.time, column) for column in (section.load, section.speed))
     nearby = slice(*np.searchsorted(record.force_time, time[[0, -1]] + delay + [-1.0, 1.0]))
-    force = interpolate.CubicSpline(record.force_time[nearby], record.force[nearby, 1])(time + delay)
+    force = smooth_curve(record.force_time[nearby], record.force[nearby, 1])(time + delay)
     if section.traction.any():
         alone = section._replace(load=np.zeros_like(section.load))
         force = force - np.interp(time, section.time[section.kept], problem.forces(problem.start, alone)[:, 1])

@@ -59,7 +59,7 @@ _USUAL_SPEED = cython.declare(cython.double, 15.0)  # where nothing tells the sp
 _LEARNING_TIME = cython.declare(cython.double, 10.0)  # within which what was learnt is forgotten [s]
 _MASS_DRIFT = cython.declare(cython.double, 2.5e-3)  # so that the springs' ways, whose rates are told, do not settle
 # the mass [1 per sqrt s]
-_LOOSE = cython.declare(cython.double, 4.0)  # an acceleration of the body is as doubtful as its mass: white noise of
+_LOOSE = cython.declare(cython.double, 2.5)  # an acceleration of the body is as doubtful as its mass: white noise of
 # that share of it over this time [s]
 _BALANCE = cython.declare(cython.double, 60.0)  # below which the wheels' momentum is balanced [rad/s]
 _OUTLIER = cython.declare(cython.double, 9.0)  # a squared normalised innovation beyond is taken as this one when the
@@ -77,6 +77,18 @@ def _decay(exponent: cython.double) -> cython.double:
     even: cython.double = 1.0 + exponent * exponent / 12.0
     odd: cython.double = exponent / 2.0
     return (even - odd) / (even + odd)
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _beyond(value: cython.double, variance: cython.double) -> cython.double:
+    """The share of a value's square that is beyond that of two standard deviations."""
+    square: cython.double = value * value
+    if square <= 4.0 * variance:
+        return 0.0
+    return 1.0 - 4.0 * variance / square
 
 
 @cython.cfunc
@@ -227,6 +239,7 @@ class CarFilter:
     tire: Any
     carried: Any
     unmodelled: Any
+    jacking: cython.double
 
     def __init__(self, vehicle: VehicleParameters, noise: SensorNoise) -> None:
         car = CarEquations(vehicle, noise)
@@ -254,6 +267,7 @@ class CarFilter:
         self.leans, self.dives = car.leans, car.dives
         self.bank = car.bank
         self.static, self.tire, self.carried, self.unmodelled = car.static, car.tire, car.carried, car.unmodelled
+        self.jacking = car.jacking
         self.change, self.left, self.both = np.zeros(24 * 17).data, np.zeros(17 * 24).data, np.zeros(17 * 17).data
         self.few = np.zeros(64).data
         self.innovation, self.noise = np.zeros(5).data, np.zeros(5).data
@@ -355,8 +369,12 @@ class CarFilter:
         for i in range(8):
             for w in range(4):
                 self.a[i * _M + _TIRE + w] -= self.warp[i * 4 + w] * self.learnt[4]
-        self.a[_MASS * _M + _ROLL] = self.moment_roll * across
-        self.a[_MASS * _M + _PITCH] = self.moment_pitch * along
+        # A specific force tells of the mass as far as it is more than its error: the mass that explains best why noise
+        # moves no body is none.
+        clear_across: cython.double = _beyond(across, self.p[_ACROSS * _N + _ACROSS])
+        clear_along: cython.double = _beyond(along, self.p[_ALONG * _N + _ALONG])
+        self.a[_MASS * _M + _ROLL] = self.moment_roll * across * clear_across
+        self.a[_MASS * _M + _PITCH] = self.moment_pitch * along * clear_along
         if weighs:
             lean, dive = self.tilt[0] * self.x[0], self.tilt[1] * self.x[0]
             for i in range(1, 8):
@@ -365,8 +383,8 @@ class CarFilter:
             for i in range(8):
                 self.a[i * _M + _ROLL] += self.tilt[2 * i] * (self.moment_roll * _GRAVITY * tip)
                 self.a[i * _M + _PITCH] -= self.tilt[2 * i + 1] * (self.moment_pitch * _GRAVITY * tip)
-            self.a[_TIP * _M + _ROLL] = self.moment_roll * _GRAVITY * lean
-            self.a[_TIP * _M + _PITCH] = -self.moment_pitch * _GRAVITY * dive
+            self.a[_TIP * _M + _ROLL] = self.moment_roll * _GRAVITY * lean * clear_across
+            self.a[_TIP * _M + _PITCH] = -self.moment_pitch * _GRAVITY * dive * clear_along
             self.b[1] -= tip * self.a[_TIP * _M + _ROLL]
             self.b[2] -= tip * self.a[_TIP * _M + _PITCH]
         else:
@@ -614,7 +632,11 @@ class CarFilter:
         load = self.static + self.carried * x[mass] + self.tire * x[tire] + np.array(self.balance)
         variance = self.tire * self.tire * p.diagonal()[tire] + self.carried * self.carried * p[mass, mass]
         variance = variance + 2.0 * self.tire * self.carried * p[tire, mass]
-        variance = variance + np.array(self.spread) + self.unmodelled
+        lean = 0.0
+        for i in range(8):
+            lean += self.tilt[2 * i] * self.x[i]
+        jacking = self.jacking * self.x[16] * lean
+        variance = variance + np.array(self.spread) + self.unmodelled + jacking * jacking
         return np.maximum(load, 0.0), np.sqrt(np.maximum(variance, 0.0))
 
     def mass_error(self) -> tuple[float, float]:

@@ -287,29 +287,14 @@ def stability_reply(
         found = wheel.stability(unit, speed, model, contact=True, n_max=n_max)
         critical = wheel.critical_speed(unit.mean, model, contact=True, n_max=n_max)
         periodicity = "irreducible" if on_road.is_varying(unit) else "reducible"
-        return _reply(name, speed, found, critical, n_max, contact=True, periodicity=periodicity)
+        return _reply(name, speed, found, critical, n_max, contact=True, periodicity=periodicity, tongue=None)
     sidewall = nonuniform.Nonuniformity.of(unit)
     result = nonuniform.stability(unit, sidewall, speed, model, n_max)
     return _reply(
         name, speed, result, wheel.critical_speed(unit, model), n_max, contact=False,
         periodicity="irreducible" if nonuniform.is_irreducibly_periodic(unit, model, n_max) else "reducible",
-        **_nearest_tongue(unit, sidewall, speed, model),
+        tongue=nonuniform.nearest_tongue(unit, sidewall, speed, model),
     )  # fmt: skip
-
-
-def _nearest_tongue(
-    unit: TireWheelUnit, sidewall: nonuniform.Nonuniformity, speed: float, model: wheel.Model
-) -> dict[str, float | None]:
-    """Where the tongue nearest to a speed begins, and what the amplitudes must be multiplied with for it to open."""
-    nearest = nonuniform.nearest_resonance(unit, sidewall, speed, model)
-    if nearest is None:
-        return {}
-    threshold = nonuniform.tongue_threshold(unit, sidewall, nearest, model)
-    return {
-        "tongue": math.copysign(nearest.speed, speed),
-        "scale": None if threshold is None else threshold.scale,
-        "first_order": None if math.isnan(nearest.threshold) else nearest.threshold,
-    }
 
 
 def _reply(
@@ -321,9 +306,7 @@ def _reply(
     *,
     contact: bool,
     periodicity: str,
-    tongue: float | None = None,
-    scale: float | None = None,
-    first_order: float | None = None,
+    tongue: float | None,
 ) -> dict[str, Any]:
     multipliers = result.multipliers
     return {
@@ -337,8 +320,6 @@ def _reply(
         "critical_speed_rad_s": critical,
         "periodicity": periodicity,
         "nearest_tongue_rad_s": tongue,
-        "nearest_tongue_scale": scale,
-        "nearest_tongue_scale_first_order": first_order,
         "contact": contact,
         "n_max": n_max,
     }

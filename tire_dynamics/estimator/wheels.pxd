@@ -31,6 +31,9 @@ cdef class Wheels:
     cdef long long[::1] noted
     cdef double[::1] last_angle
     cdef double[::1] orders
+    cdef public bint judged_elsewhere
+    cdef double[::1] asked_at
+    cdef double[::1] stable_at
 
     cdef bint stamped(self, Py_ssize_t wheel, long long received, long long stamp) noexcept nogil
     cdef void take_speed(

@@ -62,6 +62,10 @@ def _is_unstable_on_the_road(unit: TireWheelUnit, speed: float, model: wheel.Mod
     return contact.stability(unit, speed, model, n_max).verdict == "unstable"
 
 
+def _or_none(values: Any) -> list[float | None]:
+    return [None if math.isnan(value) else float(value) for value in values]
+
+
 @cython.cclass
 class Wheels:
     """W wheels with their inputs, motions and belts.
@@ -91,7 +95,8 @@ class Wheels:
 
     A unit that is driven beyond its stability limit grows without bound. Once any velocity or displacement exceeds
     1e6 m/s or m, the motion has diverged, is counted, and starts again from equilibrium when the unit is no longer
-    unstable at the speed in force.
+    unstable at the speed in force. Where that takes long, which is on the road and of a tire that is not the same all
+    around, who calls may set ``judged_elsewhere``: then :meth:`questions` are asked, and :meth:`answer` lets go on.
     """
 
     def __init__(self, settings: VehicleSettings) -> None:
@@ -127,6 +132,8 @@ class Wheels:
         self.noted = np.zeros(count, dtype=np.int64).data
         self.last_angle = np.full(count, np.inf).data
         self.orders = np.zeros(1).data
+        self.judged_elsewhere = False
+        self.asked_at, self.stable_at = (np.full(count, math.nan).data for _ in range(2))  # [rad/s]
 
     @property
     def unit(self) -> TireWheelUnit:
@@ -135,6 +142,8 @@ class Wheels:
 
     def set_unit(self, unit: TireWheelUnit) -> None:
         """Change the tire of every wheel from now on; positions and velocities go on as they are."""
+        for w in range(self.count):  # what was asked and answered was of another
+            self.asked_at[w] = self.stable_at[w] = math.nan
         if self.road is not None:
             self.road.set_unit(unit)
             return
@@ -150,6 +159,7 @@ class Wheels:
 
     def _forget(self) -> None:
         for w in range(self.count):
+            self.asked_at[w] = self.stable_at[w] = math.nan
             self.schedule.forget(w)
             if self.road is not None:
                 self.road.put(w, 0.0, 0.0, 0.0)
@@ -281,7 +291,7 @@ class Wheels:
                 self._start(wheel, bool(flags & _ASK))
 
     def _start(self, index: int, has_diverged: bool) -> None:
-        if has_diverged and self._is_unstable(self.schedule.speed_of(index)):
+        if has_diverged and not self._may_start_again(index):
             return
         self.schedule.start(index)
         speed, load, traction = self.schedule.speed, self.schedule.load, self.schedule.traction
@@ -294,10 +304,28 @@ class Wheels:
         self.motion.put(index, state, speed, angle)
         self.belt.start(index, speed, load, traction)
 
-    def _is_unstable(self, speed: float) -> bool:
+    def _may_start_again(self, index: int) -> bool:
+        """Whether a wheel that has diverged is stable at its speed, as far as is known now."""
+        speed = self._judged_speed(self.schedule.speed_of(index))
+        if self.judged_elsewhere and (self.road is not None or not self.unit.is_uniform):
+            is_stable = bool(self.stable_at[index] == speed)
+            self.asked_at[index], self.stable_at[index] = math.nan if is_stable else speed, math.nan
+            return is_stable
         if self.road is None:
-            return wheel.is_unstable(self.unit, speed, self.model)
-        return _is_unstable_on_the_road(self.unit.mean, float(round(speed)), self.model, self.n_max)
+            return not wheel.is_unstable(self.unit, speed, self.model)
+        return not _is_unstable_on_the_road(self.unit.mean, speed, self.model, self.n_max)
+
+    def _judged_speed(self, speed: float) -> float:
+        return wheel.judged_speed(self.unit, speed) if self.road is None else float(round(speed))
+
+    def questions(self) -> list[tuple[int, float]]:
+        """Wheels that have diverged, each with the speed [rad/s] of which they want to know whether it is stable."""
+        return [(w, self.asked_at[w]) for w in range(self.count) if not math.isnan(self.asked_at[w])]
+
+    def answer(self, wheel: int, speed: float) -> None:
+        """Say that the unit is not unstable at a speed [rad/s] that a wheel has asked about: at it, it starts again."""
+        check_wheel(wheel, self.count)
+        self.stable_at[wheel] = speed
 
     @cython.cfunc
     @cython.nogil
@@ -460,7 +488,8 @@ class Wheels:
             {**self.schedule.snapshot(w), **self.motion.snapshot(w), **self._belt_snapshot(w)}
             for w in range(self.count)
         ]
-        return {"time": self.time, "ring_turns": turns, "wheels": wheels}
+        judged = {"elsewhere": bool(self.judged_elsewhere), "stable_at": _or_none(self.stable_at)}
+        return {"time": self.time, "ring_turns": turns, "wheels": wheels, "judged": judged}
 
     def _belt_snapshot(self, wheel: int) -> dict[str, Any]:
         if self.road is not None:
@@ -473,6 +502,12 @@ class Wheels:
         if not len(states) == len(turns) == self.count:
             found = f"{len(states)} wheels and {len(turns)} turns"
             raise ValueError(f"the snapshot has {found}; there are {self.count} wheels")
+        judged = snapshot.get("judged", {"elsewhere": False, "stable_at": [None] * self.count})  # logs of before
+        if len(judged["stable_at"]) != self.count:
+            raise ValueError(f"the snapshot has stability of {len(judged['stable_at'])} wheels; there are {self.count}")
+        self.judged_elsewhere = bool(judged["elsewhere"])
+        self.stable_at = np.array([math.nan if each is None else float(each) for each in judged["stable_at"]]).data
+        self.asked_at = np.full(self.count, math.nan).data
         self.has_time, self.now = time is not None, 0 if time is None else operator.index(time)
         for w, turn in enumerate(turns):
             self.has_turn[w], self.turn[w] = turn is not None, 0 if turn is None else operator.index(turn)

@@ -15,7 +15,12 @@ from .inputs import first_reasons, hint
 from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
 from .pipeline import LOG_RECORD, TICK, Pipeline, fixed_inputs, output_types
 
-__all__ = ["BagSetup", "bag_setup", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "remaps_of"]
+__all__ = [
+    "MAP_RECORD", "BagSetup", "bag_setup", "check", "joints_of", "log_record", "log_topic", "pipeline_of", "remaps_of",
+]  # fmt: skip
+
+MAP_RECORD = "tire_dynamics.inputs"
+"""Name of the metadata record with a bag's own field map, as JSON."""
 
 
 class BagSetup(NamedTuple):
@@ -56,6 +61,8 @@ def bag_setup(
     remaps = dict(remaps or {})
     log = _log_of(reader, must=config is None)
     given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
+    if log is None and (own := _own_map(reader)):
+        given = {**own, **given}
     given.update(read_inputs(inputs) if inputs is not None else {})
     given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:
@@ -71,6 +78,18 @@ def bag_setup(
     except ValueError as error:
         raise InputError(f"{reader.path}: {error}") from None
     return BagSetup(values, _names(reader, values, log, remaps), log)
+
+
+def _own_map(reader: BagReader) -> dict[str, Any]:
+    """The field map that an import has written into a bag."""
+    text = reader.metadata.get(MAP_RECORD, {}).get("parameters", "{}")
+    try:
+        values = json.loads(text)
+        if not all(name in ("wheels", "joint_names") or name.startswith("inputs.") for name in values):
+            raise ValueError
+        return dict(values)
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        raise InputError(f"{reader.path}: its own field map is damaged") from None
 
 
 def _holds(reader: BagReader, topic: str) -> bool:

@@ -218,6 +218,7 @@ _NOISE = {
     "speed_slope": "what slope and bank add to what wheel speeds tell, without an IMU [m/s^2]",
     "mass": "error of the sprung mass, over the mass",
     "tip": "error of the lever of the body's weight as it leans, over the lever",
+    "height": "error of the moments of the specific forces, over them: heights, links",
 }
 
 _SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"

@@ -15,7 +15,7 @@ from ..bag import definitions as common
 from ..cdr import messages
 from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
-from .input_map import QUANTITIES, MapError, mapped_topics, mapped_types, sources
+from .input_map import QUANTITIES, MapError, MappedTopic, mapped_topics, mapped_types, sources
 from .load_source import LoadSource
 from .parameters import car_of, complete, noise_of, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream, Sink
@@ -211,9 +211,9 @@ class Pipeline:
         return Counter({"no velocity": self._stream.no_velocity} if self._stream.no_velocity else {})
 
     @property
-    def mapped(self) -> tuple[str, ...]:
-        """The topics of the field map."""
-        return tuple(topic.topic for topic in self._stream.mapped)
+    def mapped(self) -> list[MappedTopic]:
+        """The topics of the field map, with their plans."""
+        return list(self._stream.mapped)
 
     def set_sink(self, sink: Sink | None) -> None:
         """Hand the samples of speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""

@@ -202,6 +202,8 @@ def _continue(pipeline: Pipeline, record: Mapping[str, Any], *, first: bool, own
         same = all(record["parameters"][name] == list(pipeline.values[name]) for name in ("wheels", "joint_names"))
         if same and (first or own_parameters):
             pipeline.restore(record)
+            if not own_parameters:  # what was found live is of another system, and what is found later not taken over
+                pipeline.vehicle.wheels.judged_elsewhere = False
     except (OverflowError, LookupError, TypeError, ValueError) as error:
         raise InputError(f"the log's record of its parameters cannot be used: {error}") from None
 

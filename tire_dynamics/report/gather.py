@@ -15,11 +15,12 @@ from ..bag import BagReader, Block
 from ..cdr import messages
 from ..files.errors import InputError
 from ..files.progress import progress
-from ..replay.bag_setup import bag_setup, log_record, log_topic
+from ..replay.bag_setup import bag_setup, log_record, log_topic, pipeline_of
 from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
+from ..replay.mapped_messages import MappedMessages
 from ..replay.parameters import complete, unit_of
-from ..replay.pipeline import LOG_RECORD, TICK, input_types
+from ..replay.pipeline import LOG_RECORD, TICK, fixed_inputs
 from ..science.uniformity import Variation
 from .analysis import (
     MEASURED,
@@ -288,7 +289,7 @@ class _Reading:
     """A log on its way through."""
 
     def __init__(self, reader: BagReader) -> None:
-        self.parameters, self.names, log = bag_setup(reader)
+        self.parameters, self.names, log = how = bag_setup(reader)
         if self.parameters["load_source"] == "estimate":
             raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
@@ -305,9 +306,14 @@ class _Reading:
         self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
         self.inputs = {
             relative: Input(self.names[relative], kind)
-            for relative, kind in input_types(wheels, self.parameters["load_source"]).items()
+            for relative, kind in fixed_inputs(self.parameters).items()
             if self.names.get(relative) in reader.topics
         }
+        self._fixed = fixed_inputs(self.parameters).keys()
+        self._mapped = MappedMessages(pipeline_of(reader, how).mapped, len(wheels))
+        for topic, kind in self._mapped.topics.items():
+            self.inputs.setdefault(topic, Input(self.names[topic], kind))
+        self._mapped_loads: dict[str, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
         self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
 
@@ -332,7 +338,11 @@ class _Reading:
         valid, ticks = messages.decode_clocks(block.data, block.start[place], block.size[place])
         self._ticks, self._tick_place = ticks[valid], place[valid]
         self.clock_resets += int((np.diff(self._ticks, prepend=self._tick) < 0).sum())
-        self._take_joint_states(block, of("joint_states"))
+        if "joint_states" in self._fixed:
+            self._take_joint_states(block, of("joint_states"))
+        self._mapped_loads = {}
+        for topic in self._mapped.topics.keys() - self._fixed:
+            self._take_mapped(topic, block, of(topic))
         for wheel in self.wheels:
             place = of(name := f"{wheel.name}/wheel_speed")
             valid, speed = messages.decode_float64s(block.data, block.start[place], block.size[place])
@@ -427,6 +437,27 @@ class _Reading:
                     angle = np.full(speed.size, math.nan) if positions is None else positions[:, column]
                     self._take_usable_speeds("joint_states", wheel, valid[some], acts[some], speed, stamp[some], angle)
 
+    def _take_mapped(self, topic: str, block: Block, place: IntArray) -> None:
+        if not place.size:
+            return
+        where = block.log_time[place], block.data, block.start[place], block.size[place]
+        samples = self._mapped.read(topic, *where)
+        valid, stamp, acts = self._accepted(topic, block, place, samples.valid, samples.stamp)
+        none = np.full((place.size, len(self.wheels)), math.nan)
+        speeds, angles = (samples.values.get(name, none) for name in ("speed", "angle"))
+        loads, tractions = (samples.values.get(name, none) for name in ("load", "traction"))
+        for k, wheel in enumerate(self.wheels):
+            if "speed" in samples.values:
+                there = valid & ~np.isnan(speeds[:, k])
+                self._take_usable_speeds(topic, wheel, there, acts, speeds[:, k], stamp, angles[:, k])
+            if "load" in samples.values:
+                there = valid & ~np.isnan(loads[:, k])
+                too_high = np.abs(loads[:, k]) > self.parameters["max_load_n"]
+                there = self._refused(topic, "load too high", there, too_high)
+                self.inputs[topic].counts["off the ground"] += int((there & (loads[:, k] < 0.0)).sum())
+                part = self._seconds(acts[there]), np.maximum(loads[there, k], 0.0), np.nan_to_num(tractions[there, k])
+                self._mapped_loads.setdefault(wheel.name, []).append(part)
+
     def _take_speeds(
         self, name: str, wheel: Wheel, block: Block, place: IntArray, valid: Any, stamp: IntArray, speed: FloatArray
     ) -> None:
@@ -465,6 +496,7 @@ class _Reading:
             valid = self._refused(name, "load too high", valid, (np.abs(fz) > limit) | (np.abs(fx) > limit))
             self.inputs[name].counts["off the ground"] += int((valid & (fz < 0.0)).sum())
             parts.append((self._seconds(acts[valid]), np.maximum(fz[valid], 0.0), fx[valid]))
+        parts += self._mapped_loads.get(wheel.name, [])
         if not parts:
             return np.empty(0), np.empty(0)
         acts_s, load, traction = (np.concatenate(columns) for columns in zip(*parts, strict=True))

@@ -70,6 +70,10 @@ class Announcer:
         """The newest message on joint_states."""
         self._logger, self._names, self._waits_for_clock = logger, names, waits_for_clock
         self._vehicle, self._inputs = pipeline.vehicle, pipeline.inputs
+        self._mapped = {  # topics of the field map, by what they have of a wheel's two inputs
+            kind: [topic.topic for topic in pipeline.mapped if any(each.quantity in of for each in topic.values)]
+            for kind, of in enumerate((("speed",), ("load", "road_height")))
+        }
         self._quantities = ("speed", "road height" if self._vehicle.wheels.on_road else "load")
         self._wheels = [_Wheel() for _ in self._vehicle.inputs]
         self._began = time.monotonic()
@@ -173,7 +177,8 @@ class Announcer:
         topics = [
             self._names[topic]
             for topic in self._inputs
-            if (topic == _JOINT_STATES and kind == 0)
+            if topic in self._mapped[kind]
+            or (topic == _JOINT_STATES and kind == 0 and not self._mapped[0])
             or (topic.partition("/")[0] == wheels[0] and topic.endswith("/wheel_speed") == (kind == 0))
         ]
         more = ", ..." if len(wheels) > 1 else ""

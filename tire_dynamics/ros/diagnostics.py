@@ -165,7 +165,6 @@ def of_wheel(
         "critical speed [rad/s]": _shown(stability.get("critical_speed_rad_s"), ".2f"),
         "periodicity": stability.get("periodicity", "not yet known"),
         "nearest tongue [rad/s]": _shown(stability.get("nearest_tongue_rad_s"), ".2f"),
-        "nearest tongue opens at amplitudes times": _shown(stability.get("nearest_tongue_scale"), ".3g"),
         **variation,
         "stops for stale inputs": inputs.stops,
         "stops for divergence": inputs.divergences,

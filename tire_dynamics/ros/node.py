@@ -141,6 +141,7 @@ class TireDynamicsNode(LifecycleNode):
         self._analyst = Analyst()
         self._unanswered: dict[Deferred, Any] = {}  # with the response of each
         self._switching: list[tuple[Callable[[], tuple[bool, str] | None], Deferred]] = []
+        self._questions: set[tuple[int, float]] = set()  # of wheels that have diverged, not yet answered
         self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
@@ -262,6 +263,8 @@ class TireDynamicsNode(LifecycleNode):
         made = Pipeline(self._pipeline.values, self._pipeline.definitions)  # nothing of what was before
         self._journal.pipeline = self._pipeline = made
         self._wanted = self._pipeline.values
+        self._pipeline.vehicle.wheels.judged_elsewhere = True  # no tick waits for it
+        self._questions.clear()
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
@@ -687,6 +690,24 @@ class TireDynamicsNode(LifecycleNode):
         if self._active:
             self._journal.look()
             self._announcer.look()
+            self._ask_for_restarts()
+
+    def _ask_for_restarts(self) -> None:
+        """Have the stability of wheels that have diverged found beside the ticks; in the log stands when it was."""
+        wheels, unit = self._pipeline.vehicle.wheels, self._pipeline.vehicle.unit
+        for question in wheels.questions():
+            if question in self._questions:
+                continue
+
+            def answer(found: Any, error: Exception | None, question: tuple[int, float] = question) -> None:
+                self._questions.discard(question)
+                is_stable = found is not None and found["verdict"] != "unstable"
+                if is_stable and self._pipeline.vehicle.wheels is wheels and self._pipeline.vehicle.unit == unit:
+                    wheels.answer(*question)
+                    self._journal.record()
+
+            if self._ask_for_stability(question[1], answer):
+                self._questions.add(question)
 
     def _present_second(self) -> _Second:
         return _Second(self._ticks, self._missed, [inputs.counts for inputs in self._pipeline.vehicle.inputs])

@@ -14,15 +14,16 @@ DEGREE: Final = 7
 """Of the splines."""
 
 
-def smooth_curve(time: ArrayLike, values: ArrayLike) -> Any:
-    """The spline of degree 7 through samples, which may lie unevenly.
+def smooth_curve(time: ArrayLike, values: ArrayLike, degree: int = DEGREE) -> Any:
+    """The spline of a high degree through samples, which may lie unevenly.
 
     Parameters
     ----------
     time : array_like, shape (N,)
         Ascending [s].
     values : array_like, shape (N,) or (N, A)
-        Of fewer than 8 samples the degree is the highest odd one that they allow, or 1.
+    degree : int
+        Odd, at most 7; of few samples it is the highest odd one that they allow, or 1.
 
     Returns
     -------
@@ -36,5 +37,5 @@ def smooth_curve(time: ArrayLike, values: ArrayLike) -> Any:
     x = 0.3 it is 1 - 1.1e-3.
     """
     t, y = np.asarray(time, np.float64), np.asarray(values, np.float64)
-    degree = next((k for k in (DEGREE, 5, 3) if t.size > k), 1)
-    return interpolate.make_interp_spline(t, y, degree)
+    possible = next((k for k in (7, 5, 3) if k <= degree and t.size > k), 1)
+    return interpolate.make_interp_spline(t, y, possible)

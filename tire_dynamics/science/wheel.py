@@ -61,6 +61,7 @@ __all__ = [
     "fixed_frame_matrix",
     "frequency_response",
     "is_unstable",
+    "judged_speed",
     "output_matrices",
     "residual_stiffness",
     "reshaped",
@@ -143,9 +144,14 @@ def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional
 
     Of a unit that is not uniform, at this speed to 1 rad/s and above 20: what takes milliseconds is not done at each.
     """
-    if not unit.is_uniform:
-        speed = math.copysign(max(float(round(abs(speed))), 20.0), speed)
-    return _is_unstable(unit, speed, model)
+    return _is_unstable(unit, judged_speed(unit, speed), model)
+
+
+def judged_speed(unit: TireWheelUnit, speed: float) -> float:
+    """The speed [rad/s] at which :func:`is_unstable` looks for one that it is asked about."""
+    if unit.is_uniform:
+        return speed
+    return math.copysign(max(float(round(abs(speed))), 20.0), speed)
 
 
 @lru_cache(maxsize=1024)
@@ -173,7 +179,8 @@ def critical_speed(
 
     Notes
     -----
-    The lowest of the speeds of :func:`crossings` at which stability is lost.
+    The lowest of the speeds of :func:`crossings` at which stability is lost. It is no limit for standing waves of the
+    belt, which the model does not have (docs/limits.md).
     """
     if contact:
         return road.critical_speed(unit, model, n_max)
