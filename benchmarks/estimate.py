@@ -3,8 +3,8 @@
     python benchmarks/estimate.py [--seconds 10] [--repeats 3] [--json FILE]
 
 Four wheels at 500 Hz, no log, nobody listens. With loads given, this process sends each wheel's at 500 Hz; where they
-are estimated, an IMU at 200 Hz, travel at 100 Hz and hub accelerations at 500 Hz, each in one message. Wheel speeds come
-at 100 Hz in both. The ratio is to be at most 1.5.
+are estimated, an IMU at 200 Hz, travel at 100 Hz and hub accelerations at 500 Hz, each in one message. Wheel speeds
+come at 100 Hz in both. The ratio is to be at most 1.5.
 """
 
 from __future__ import annotations
