@@ -195,7 +195,7 @@ def test_the_stability_says_that_it_is_of_the_road():
         ({"static_loads": []}, "static_loads has 0 entries"),
         ({"static_loads": [0.0]}, "static_loads has 0.0"),
         ({"tire.vertical_stiffness": 4e5}, r"tire.vertical_stiffness is 400000.0; it must be <"),
-        ({"load_source": "estimate"}, "load_source is 'estimate'"),
+        ({"load_source": "guess"}, "load_source is 'guess'"),
         ({"contact_points": 0}, "contact_points is 0; it must be at least 1"),
         ({"contact_points": 3, "tire.contact_half_angle": 0.0}, "contact_points is 3; it must be 1 where contact_half"),
         ({"coupled_harmonics": -1}, "coupled_harmonics is -1; it must be at least 0"),
