@@ -18,6 +18,8 @@ from tire_dynamics.cli.main import main
 from tire_dynamics.replay.parameters import complete
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.replay.replay import replay
+from tire_dynamics.report.findings import summary
+from tire_dynamics.report.gather import gather
 from tire_dynamics.science.axle_variance import axle_force_covariance
 from tire_dynamics.science.response import frequency_response
 
@@ -296,6 +298,89 @@ def test_the_command_takes_a_car_by_its_file(tmp_path, bag, capsys):
     assert main([*arguments, "--vehicle", str(tmp_path / "car.yaml")]) == 2
     line = capsys.readouterr().err
     assert "missing: unsprung_masses" in line and line.count("\n") == 1
+
+
+# --- what reads logs ---
+
+
+@pytest.fixture
+def log(tmp_path, bag):
+    config = parameter_file(tmp_path / "estimate.yaml", PARAMETERS)
+    replay(bag, tmp_path / "log", config=config, quiet=True)
+    return tmp_path / "log"
+
+
+def test_a_report_has_the_estimated_loads_with_their_deviations(tmp_path, log, capsys):
+    pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
+    drive = gather(BagReader(log), BagReader(log), quiet=True)
+    names = [f"{wheel}/{name}" for wheel in WHEELS for name in ("load_estimate", "load_standard_deviation")]
+    outputs = written(log, names)
+    decode = messages.WrenchDecoder().decode
+    for wheel in drive.wheels:
+        loads = [decode(data).fz for data in outputs[f"{wheel.name}/load_estimate"]]
+        deviations = [messages.decode_float64(data) for data in outputs[f"{wheel.name}/load_standard_deviation"]]
+        numbers = wheel.numbers["load_z"]
+        assert (numbers.count, numbers.high, wheel.outputs) == (len(loads), max(loads), len(loads))
+        assert numbers.mean == pytest.approx(np.mean(loads), rel=1e-12)
+        assert (wheel.deviations.count, wheel.deviations.high) == (len(deviations), max(deviations))
+        assert wheel.deviations.mean == pytest.approx(np.mean(deviations), rel=1e-12)
+    assert drive.sources == ("wheel_speed", "imu", "travel", "hub") and drive.band_hz == 20.0
+    assert {each.topic: (each.messages, each.is_sensor) for each in drive.inputs} == {
+        "/joint_states": (200, False), "/imu": (400, True), "/travel": (200, True), "/hubs": (1000, True),
+    }  # fmt: skip
+    assert main(["report", str(log), "-o", str(tmp_path / "page.html")]) == 0
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    for words in (
+        "The loads are estimated, from hub accelerations, travel, the IMU and wheel speeds, and known up to 20 Hz",
+        "load z sd, mean [N]",
+        f"{round(drive.wheels[0].deviations.high)}",
+        "Load z, estimated [kN]",
+        "under loads that were estimated",
+    ):
+        assert words in text, words
+
+
+def test_a_report_says_when_a_source_was_gone(tmp_path, recording):
+    """An IMU that is gone for half a second stops no wheel; one that never came is not named."""
+    gone = range(10**9 + 500 * MILLISECOND, 10**9 + 1000 * MILLISECOND)
+    with BagWriter(tmp_path / "bag") as writer:
+        handles = {
+            "imu": writer.add_topic("/imu", IMU),
+            "joint_states": writer.add_topic("/joint_states", messages.JOINT_STATE),
+        }
+        for topic, received, data in messages_of(recording, names=("imu", "wheel_speed")):
+            if topic != "imu" or received not in gone:
+                writer.write(handles[topic], received, received, data)
+    some = {name: value for name, value in PARAMETERS.items() if "travel" not in name and "hub" not in name}
+    replay(tmp_path / "bag", tmp_path / "log", config=parameter_file(tmp_path / "car.yaml", some), quiet=True)
+    drive = gather(BagReader(tmp_path / "log"), BagReader(tmp_path / "log"), quiet=True)
+    found = summary(drive, None)
+    text = " ".join(each.text for each in found.findings)
+    assert "The loads are estimated, from the IMU and wheel speeds, and known up to 2 Hz" in text
+    [gap] = [each for each in found.findings if each.text.startswith("/imu")]
+    assert gap.level == "warning" and gap.text.endswith("meanwhile the loads were estimated without it.")
+    assert found.covered == [1.0] * 4
+
+
+@pytest.mark.parametrize(
+    ("parameters", "says"),
+    [
+        (PARAMETERS, "its loads are estimated"),
+        (
+            {"wheels": WHEELS, "inputs.load.topic": "hubs", "inputs.load.type": ARRAY, "inputs.load.field": "data"},
+            "load come by a field map",
+        ),
+    ],
+)
+def test_identify_refuses_loads_that_it_cannot_use(tmp_path, bag, capsys, parameters, says):
+    replay(bag, tmp_path / "log", config=parameter_file(tmp_path / "node.yaml", parameters), quiet=True)
+    arguments = ["identify", str(tmp_path / "log"), "--measured", "/front_left/axle_wrench", "--wheel", "front_left"]
+    capsys.readouterr()
+    assert main([*arguments, "-o", str(tmp_path / "unit.yaml")]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1
+    assert says in err and "record" in err and "front_left/load" in err
+    assert not (tmp_path / "unit.yaml").exists()
 
 
 # --- the axle's force ---

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from simulated_car import Car, Drive, simulate_drives
 
 from tire_dynamics import read_vehicle
 from tire_dynamics.bag import BagReader
@@ -98,6 +99,27 @@ def test_an_imu_and_wheel_speeds_alone(tmp_path):
     mass, unsprung = car.sprung_mass, sum(car.unsprung_masses)
     height = (mass * car.cg_height + unsprung * car.unsprung_height) / (mass + unsprung)
     assert moved == pytest.approx(-(mass + unsprung) * height / car.wheelbase, rel=0.3)
+
+
+def test_loads_of_csv_files_as_their_page_has_it(tmp_path):
+    if find_spec("matplotlib") is None:
+        pytest.skip("matplotlib is not installed: the extra `plot` brings it")
+    (tmp_path / "config").symlink_to(REPOSITORY / "config")
+    (tmp_path / "drive").mkdir()
+    drive = simulate_drives(Car(), [Drive(duration=4.0, bump=0.0)], [1])[0]
+    time, force, rate = drive.imu
+    imu = "ax_m_s2,ay_m_s2,az_m_s2,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s"
+    speeds = ",".join(f"speed_{wheel}_rad_s" for wheel in ("fl", "fr", "rl", "rr"))
+    for name, names, columns in (("imu", imu, (time, force, rate)), ("wheel_speed", speeds, drive.wheel_speed)):
+        rows = np.column_stack(columns)
+        np.savetxt(tmp_path / "drive" / f"{name}.csv", rows, delimiter=",", header=f"time_s,{names}", comments="")
+    for language, content in blocks("docs/loads.md", "A car with an IMU and wheel speeds alone"):
+        run(language, content, tmp_path)
+    loads = table(tmp_path / "drive_loads" / "loads.csv")
+    found = BagReader(tmp_path / "forces").messages(["/rear_right/axle_wrench"])
+    forces = [decode_wrench(data).fz for *_, data in found]
+    # reaction damping carries the mean load whole, but for the momentum of the wheel
+    assert np.mean(forces) == pytest.approx(loads["load_rr_n"].mean(), rel=0.02)
 
 
 def test_the_numbers_of_the_paper(tmp_path):

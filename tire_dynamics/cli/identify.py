@@ -256,6 +256,7 @@ def read(reader: BagReader, how: BagSetup, options: argparse.Namespace) -> tuple
 
     from ..cdr import messages
     from ..estimator.identification import Recording
+    from ..replay.input_map import sources
     from ..replay.series import series_of
 
     wheels = how.values["wheels"]
@@ -273,6 +274,17 @@ def read(reader: BagReader, how: BagSetup, options: argparse.Namespace) -> tuple
         raise InputError(
             f"{reader.path}: its tires stand on a road, and their loads are the model's own answer; "
             "identify takes bags whose loads were measured"
+        )
+    if how.values["load_source"] == "estimate":
+        raise InputError(
+            f"{reader.path}: its loads are estimated, and known up to some 20 Hz at best, too low to tell a tire by; "
+            f"measure the load, record it as {wheel}/load, and give a bag with that and load_source: topic"
+        )
+    mapped = {source.quantity for source in sources(how.values)}
+    if mapped & {"speed", "load"}:
+        raise InputError(
+            f"{reader.path}: {' and '.join(name for name in ('speed', 'load') if name in mapped)} come by a field map, "
+            f"which identify does not read; record joint_states or {wheel}/wheel_speed, and {wheel}/load"
         )
     names = {how.names[f"{wheel}/{name}"]: name for name in ("wheel_speed", "load", "load_force")}
     names |= {how.names["joint_states"]: "joint_states", topic: "measured"}

@@ -15,9 +15,11 @@ from ..science.axle_variance import axle_force_covariance
 from ..science.unit import TireWheelUnit
 from ..science.wheel_matrices import Model
 
-__all__ = ["LoadSource"]
+__all__ = ["FILTERED", "LoadSource"]
 
-_SOURCES: Final = {"speed": "wheel_speed", "travel": "travel", "hub_acceleration": "hub", "imu": "imu"}
+FILTERED: Final = {"speed": "wheel_speed", "travel": "travel", "hub_acceleration": "hub", "imu": "imu"}
+"""The filter's sources, by quantity of the field map."""
+
 _KNOT: Final = 5.0  # [rad/s] by which the response of an axle is taken anew
 
 
@@ -51,7 +53,7 @@ class LoadSource:
         mapped: Iterable[str] = (),
     ) -> None:
         self.filter = LoadFilter(car, noise)
-        wanted = {_SOURCES[quantity] for quantity in ("speed", *mapped) if quantity in _SOURCES}
+        wanted = {FILTERED[quantity] for quantity in ("speed", *mapped) if quantity in FILTERED}
         self._wanted = tuple(name for name in SOURCES if name in wanted)
         self.in_the_future: Counter[str] = Counter()
         self._vehicle, self._has_covariance = vehicle, has_covariance
@@ -72,7 +74,7 @@ class LoadSource:
 
     def take(self, quantity: str, wheel: int | None, stamp: int, received: int, values: tuple[float, ...]) -> None:
         """Take a sample, as the field map hands it over; of one wheel, the values of the others are NaN."""
-        name = _SOURCES.get(quantity)
+        name = FILTERED.get(quantity)
         if name is None:
             return
         if stamp > received + self._vehicle.settings.input_timeout:

@@ -47,7 +47,8 @@ BARS = 400  # intervals of a wheel's outputs that are drawn
 
 def force_figure(drive: Drive) -> Figure:
     """Load, axle force and speed over time, one below the other with one axis of time."""
-    titles = ("Load z [kN]", "Axle z [kN]", "Traction x [kN]", "Axle x [kN]", "Speed [rpm]")
+    load = "Load z, estimated [kN]" if drive.load_source == "estimate" else "Load z [kN]"
+    titles = (load, "Axle z [kN]", "Traction x [kN]", "Axle x [kN]", "Speed [rpm]")
     traces = []
     for row, curve in enumerate(CURVES):
         factor = 1.0 / RPM if curve == "speed" else 1e-3

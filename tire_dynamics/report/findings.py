@@ -6,6 +6,7 @@ import math
 from typing import Literal, NamedTuple
 
 from ..cdr import messages
+from ..estimator.load_filter import USUAL_TIMEOUT
 from ..science import nonuniform
 from .gather import Drive, Input
 from .theory import RPM, Bands, Errors, verdict_of
@@ -28,6 +29,7 @@ _REASONS = {
     "no velocity": "have not one velocity for each joint, and are left out",
     "malformed": "are not what their type says, and are left out",
 }
+_SOURCES = {"hub": "hub accelerations", "travel": "travel", "imu": "the IMU", "wheel_speed": "wheel speeds"}
 _HARMLESS = 0.01  # share of messages of which it is only noted
 _LIKELY = 0.05  # share of tires within the errors of which it is only noted
 
@@ -183,7 +185,11 @@ def _input(drive: Drive, each: Input) -> list[Finding]:
             text = f"{each.topic}: {number(count)} of {number(each.messages)} messages {_REASONS[reason]}."
             found.append(Finding(level, text))
     timeout = drive.parameters["input_timeout_s"]
-    if each.intervals.longest > timeout:
+    if each.is_sensor:
+        if each.intervals.longest > 1e-9 * USUAL_TIMEOUT:
+            text = f"{each.topic}: no message for {seconds(each.intervals.longest)}: meanwhile the loads were estimated"
+            found.append(Finding("warning", f"{text} without it."))
+    elif each.intervals.longest > timeout:
         text = f"{each.topic}: no message for {seconds(each.intervals.longest)}, longer than the input timeout of"
         found.append(Finding("warning", f"{text} {seconds(timeout)}: the wheel stops until it returns."))
     rate = drive.parameters["rate_hz"]
@@ -211,6 +217,15 @@ def _setting(drive: Drive) -> list[Finding]:
     if drive.on_road:
         text = "The tires stand on a road: loads are the contact's, an outcome, and the verdict and critical speed are "
         text += "those in contact; response, Campbell diagram and map are those of the tire under a given load."
+        found.append(Finding("note", text))
+    if drive.load_source == "estimate":
+        words = [_SOURCES[name] for name in reversed(drive.sources)]
+        listed = " and ".join(filter(None, (", ".join(words[:-1]), words[-1]))) if words else "no source at all"
+        text = f"The loads are estimated, from {listed}, and known up to {drive.band_hz:g} Hz: forces above, and what "
+        text += "the spectra and the harmonics have there, are not the drive's."
+        deviations = [wheel.deviations.mean for wheel in drive.wheels if wheel.deviations.count]
+        if deviations:
+            text += f" Their standard deviation is {number(min(deviations))} to {number(max(deviations))} N on average."
         found.append(Finding("note", text))
     if not drive.unit.is_uniform:
         text = "The tire is not uniform: response, Campbell diagram, map and critical speed are its mean's"

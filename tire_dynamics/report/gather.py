@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from ..bag import BagReader, Block
 from ..cdr import messages
+from ..estimator.load_filter import BANDS
 from ..files.errors import InputError
 from ..files.progress import progress
 from ..replay.bag_setup import bag_setup, log_record, log_topic, pipeline_of
 from ..replay.doubts import InputDoubts
 from ..replay.inputs import reasons
+from ..replay.load_source import FILTERED
 from ..replay.mapped_messages import MappedMessages
 from ..replay.parameters import complete, unit_of
 from ..replay.pipeline import LOG_RECORD, TICK, fixed_inputs
@@ -54,10 +56,12 @@ class Input:
     """One topic that feeds the model: its messages, and what is wrong with some of them.
 
     ``counts`` has the node's own words, but is taken from the stamps alone, so that a log need not be replayed for it.
+    ``is_sensor``: it brings no speed, load or height, only what loads are estimated from: no wheel waits for it.
     """
 
     topic: str
     kind: str
+    is_sensor: bool = False
     intervals: Intervals = field(default_factory=Intervals)
     delay: Moments = field(default_factory=Moments)  # receipt after stamp [s]
     counts: Counter[str] = field(default_factory=Counter)
@@ -93,6 +97,7 @@ class Wheel:
         self.name = name
         self.curves = {curve: Envelope(0.0, duration, buckets) for curve in CURVES}
         self.numbers = {curve: Moments() for curve in CURVES}
+        self.deviations = Moments()  # of the load, where it is estimated: its stated standard deviation [N]
         self.speeds: Counter[int] = Counter()  # samples by speed, to 1 rad/s
         self.spectra = Spectra(rate, segment_length(rate, duration))
         self.moment = Moment(BEFORE, AFTER, [np.float64, np.float64, object])  # load, axle force z, belts
@@ -210,6 +215,7 @@ class Drive:
     clock_resets: int = 0
     without: dict[str, str] = field(default_factory=dict)  # why a wheel has no outputs
     doubts: list[str] = field(default_factory=list)  # what is odd about speeds and loads
+    sources: tuple[str, ...] = ()  # that loads were estimated from: wheel_speed, imu, travel, hub
 
     @property
     def unit(self) -> Any:
@@ -219,7 +225,17 @@ class Drive:
     @property
     def on_road(self) -> bool:
         """Whether its tires stand on a road, and the loads are what comes of it."""
-        return bool(self.parameters["load_source"] == "road")
+        return self.load_source == "road"
+
+    @property
+    def load_source(self) -> str:
+        """Where its loads are from: topic, road or estimate."""
+        return str(self.parameters["load_source"])
+
+    @property
+    def band_hz(self) -> float:
+        """Frequency up to which the sources make estimated loads known [Hz]; 0 without any."""
+        return max((BANDS[name] for name in self.sources), default=0.0)
 
     @property
     def contact_modes(self) -> int | None:
@@ -282,6 +298,7 @@ def gather(reader: BagReader, source: BagReader, *, replayed: bool = False, quie
         clock_resets=reading.clock_resets,
         without=reading.reasons(reader),
         doubts=seen.doubts(),
+        sources=reading.sources(),
     )
 
 
@@ -290,8 +307,6 @@ class _Reading:
 
     def __init__(self, reader: BagReader) -> None:
         self.parameters, self.names, log = how = bag_setup(reader)
-        if self.parameters["load_source"] == "estimate":
-            raise InputError(f"{reader.path}: its loads are estimated; the report reads logs whose loads were given")
         assert log is not None and reader.start_ns is not None and reader.end_ns is not None
         self.begin = reader.start_ns
         self.duration = max((reader.end_ns - reader.start_ns) * 1e-9, 1e-9)
@@ -310,9 +325,12 @@ class _Reading:
             if self.names.get(relative) in reader.topics
         }
         self._fixed = fixed_inputs(self.parameters).keys()
-        self._mapped = MappedMessages(pipeline_of(reader, how).mapped, len(wheels))
-        for topic, kind in self._mapped.topics.items():
-            self.inputs.setdefault(topic, Input(self.names[topic], kind))
+        mapped = pipeline_of(reader, how).mapped
+        self._mapped = MappedMessages(mapped, len(wheels))
+        for each in mapped:
+            is_sensor = not {group.quantity for group in each.values} & {"speed", "load", "road_height"}
+            self.inputs.setdefault(each.topic, Input(self.names[each.topic], each.msgtype, is_sensor))
+        self._used: set[str] = set()  # quantities of which there was a value
         self._mapped_loads: dict[str, list[tuple[FloatArray, FloatArray, FloatArray]]] = {}
         self.full = set(self.names.values())
         self._joints = messages.JointStateDecoder()
@@ -320,6 +338,13 @@ class _Reading:
     def reasons(self, reader: BagReader) -> dict[str, str]:
         """Why wheels have no outputs."""
         return reasons(reader, self.parameters, self.names, [each.name for each in self.wheels if not each.outputs])
+
+    def sources(self) -> tuple[str, ...]:
+        """What the loads were estimated from, if they were, the best last."""
+        if self.parameters["load_source"] != "estimate":
+            return ()
+        used = self._used | ({"speed"} if any(each.numbers["speed"].count for each in self.wheels) else set())
+        return tuple(sorted((FILTERED[each] for each in used if each in FILTERED), key=BANDS.__getitem__))
 
     def take(self, block: Block) -> None:
         """Take a block."""
@@ -341,7 +366,7 @@ class _Reading:
         if "joint_states" in self._fixed:
             self._take_joint_states(block, of("joint_states"))
         self._mapped_loads = {}
-        for topic in self._mapped.topics.keys() - self._fixed:
+        for topic in self._mapped.topics:
             self._take_mapped(topic, block, of(topic))
         for wheel in self.wheels:
             place = of(name := f"{wheel.name}/wheel_speed")
@@ -406,6 +431,8 @@ class _Reading:
         stamps = stamp[valid]
         if not known.kind == messages.FLOAT64:
             known.delay.add((received[valid] - stamps).astype(np.float64) * 1e-9)
+        if known.is_sensor:  # the filter works it in at its own time, whatever the order
+            return valid, stamp, stamp
         newest = np.maximum.accumulate(np.concatenate([[known.newest], stamps]))
         counts["repeated"] += int((stamps == newest[:-1]).sum())
         behind = stamps < newest[:-1]
@@ -442,6 +469,9 @@ class _Reading:
             return
         where = block.log_time[place], block.data, block.start[place], block.size[place]
         samples = self._mapped.read(topic, *where)
+        self._used |= {name for name, values in samples.values.items() if np.isfinite(values[samples.valid]).any()}
+        if topic in self._fixed:  # it is counted, and its speeds are taken, as what it is without the map
+            return
         valid, stamp, acts = self._accepted(topic, block, place, samples.valid, samples.stamp)
         none = np.full((place.size, len(self.wheels)), math.nan)
         speeds, angles = (samples.values.get(name, none) for name in ("speed", "angle"))
@@ -480,6 +510,8 @@ class _Reading:
         """The loads of a wheel, and from when on they act [s]."""
         if self.parameters["load_source"] == "road":
             return self._take_contact(wheel, block, of)
+        if self.parameters["load_source"] == "estimate":
+            return self._take_estimate(wheel, block, of)
         parts = []
         for name in (f"{wheel.name}/load", f"{wheel.name}/load_force"):
             place = of(name) if name in self.inputs else np.empty(0, np.int64)
@@ -510,7 +542,17 @@ class _Reading:
             valid, height = messages.decode_float64s(block.data, block.start[place], block.size[place])
             valid, _, _ = self._accepted(name, block, place, valid, block.log_time[place])
             self._refused(name, "not finite", valid, ~np.isfinite(height))
-        place = of(f"{wheel.name}/contact_load")
+        return self._take_output(wheel, block, of(f"{wheel.name}/contact_load"))
+
+    def _take_estimate(self, wheel: Wheel, block: Block, of: Any) -> tuple[FloatArray, FloatArray]:
+        """The same where loads are estimated; each acts from its tick on."""
+        place = of(f"{wheel.name}/load_standard_deviation")
+        valid, deviation = messages.decode_float64s(block.data, block.start[place], block.size[place])
+        wheel.deviations.add(deviation[valid & (deviation >= 0.0) & (deviation < BEYOND)])
+        return self._take_output(wheel, block, of(f"{wheel.name}/load_estimate"))
+
+    def _take_output(self, wheel: Wheel, block: Block, place: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Loads that are an output of the node."""
         valid, stamp, _, fz = messages.decode_wrenches(block.data, block.start[place], block.size[place])
         usable = valid & (np.abs(fz) < BEYOND)
         wheel.unusable += int((~usable).sum())

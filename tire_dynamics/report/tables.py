@@ -70,18 +70,26 @@ def tiles(drive: Drive, found: Summary, critical: float | None, band: Bands | No
 
 
 def number_table(drive: Drive, found: Summary) -> Table:
-    """Mean, peak and rms of load and axle forces, top speed, outputs and stability, of each wheel."""
-    header = (
-        "wheel", "load z mean", "load z peak", "load z rms", "axle z mean", "axle z peak", "axle z rms",
-        "axle x mean", "axle x peak", "axle x rms", "top speed", "covered", "stability",
+    """Mean, peak and rms of load and axle forces, top speed, outputs and stability, of each wheel.
+
+    Of a load that is estimated its standard deviation too: the mean of what was stated, and the largest.
+    """
+    estimated = drive.load_source == "estimate"
+    forces = (
+        "load z mean", "load z peak", "load z rms", *(("load z sd, mean", "load z sd, largest") if estimated else ()),
+        "axle z mean", "axle z peak", "axle z rms", "axle x mean", "axle x peak", "axle x rms",
     )  # fmt: skip
-    units = ("", *("N",) * 9, "rpm", "%", "")
+    header = ("wheel", *forces, "top speed", "covered", "stability")
+    units = ("", *("N",) * len(forces), "rpm", "%", "")
     rows = []
     for wheel, share, verdict in zip(drive.wheels, found.covered, found.verdicts, strict=True):
         row = [wheel.name]
         for curve in ("load_z", "axle_z", "axle_x"):
             of = wheel.numbers[curve]
             row += [number(value) for value in (of.mean, of.peak, of.deviation)] if of.count else ["-"] * 3
+            if curve == "load_z" and estimated:
+                sd = wheel.deviations
+                row += [number(sd.mean), number(sd.high)] if sd.count else ["-"] * 2
         row += [number(wheel.highest_speed / RPM), f"{math.floor(1e4 * share) / 100:g}", verdict or "-"]
         rows.append(row)
     heads = [f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True)]
