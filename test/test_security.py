@@ -23,6 +23,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from std_msgs.msg import Float64
 
+from tire_dynamics.replay.parameters import read_car
 from tire_dynamics.ros import typed
 from tire_dynamics.ros.node import TireDynamicsNode
 
@@ -140,9 +141,13 @@ def has(node: Node) -> dict[str, set[str]]:
     """Names by what a node does with them: what rcl says that is on the network."""
     itself = node.get_name(), node.get_namespace()
     mine = {publisher.topic_name for publisher in node.publishers}
+    taken = {subscription.topic_name for subscription in node.subscriptions}
     limit = time.monotonic() + PATIENCE
-    while not mine <= {name for name, _ in node.get_publisher_names_and_types_by_node(*itself)}:
-        assert time.monotonic() < limit, "the graph never had the node's own publishers"
+    while not (
+        mine <= {name for name, _ in node.get_publisher_names_and_types_by_node(*itself)}
+        and taken <= {name for name, _ in node.get_subscriber_names_and_types_by_node(*itself)}
+    ):
+        assert time.monotonic() < limit, "the graph never had the node's own publishers and subscriptions"
         time.sleep(0.01)
     found = (
         node.get_publisher_names_and_types_by_node(*itself),
@@ -163,15 +168,40 @@ def context_in(domain: int):
         context.try_shutdown()
 
 
+# Where the loads come from, with what else has topics of its own.
+LOAD_SOURCES = {
+    "topic": {"load_source": "topic"},
+    "road": {"load_source": "road", "static_loads": [4000.0] * 4},
+    "estimate": {**read_car(REPOSITORY / "config" / "car.yaml"), "axle_wrench_covariance": True},
+}
+
+
+def text_of(value: object) -> str:
+    """A parameter's value for the command line: YAML."""
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(text_of, value))}]"
+    return str(value).lower()
+
+
 def everything_of_the_node(domain: int, use_sim_time: bool) -> dict[str, set[str]]:
-    arguments = ["--params-file", str(REPOSITORY / "config" / "vehicle.yaml")]
-    arguments += ["-p", f"use_sim_time:={str(use_sim_time).lower()}"]
-    with context_in(domain) as context:
-        node = TireDynamicsNode(context=context, arguments=["--ros-args", *arguments])
-        try:
-            return has(node)
-        finally:
-            node.close()
+    """Of three nodes, one for each source of the loads, one after the other: all that any of them has.
+
+    Each has a name of its own: the graph may still show one that was there before.
+    """
+    found: dict[str, set[str]] = {what: set() for what in ALLOWED}
+    for which, source in LOAD_SOURCES.items():
+        name_here = f"with_{which}_{'simulated' if use_sim_time else 'system'}_time"
+        arguments = ["-r", f"__node:={name_here}", "--params-file", str(REPOSITORY / "config" / "vehicle.yaml")]
+        for name, value in {**source, "use_sim_time": use_sim_time}.items():
+            arguments += ["-p", f"{name}:={text_of(value)}"]
+        with context_in(domain) as context:
+            node = TireDynamicsNode(context=context, arguments=["--ros-args", *arguments])
+            try:
+                for what, names in has(node).items():
+                    found[what] |= {name.replace(f"/{name_here}/", "/tire_dynamics/") for name in names}
+            finally:
+                node.close()
+    return found
 
 
 def everything_of_a_plain_node(domain: int, name: str) -> dict[str, set[str]]:
