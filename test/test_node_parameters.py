@@ -33,15 +33,15 @@ LISTS = [row.name for row in PARAMETERS if row.kind in ("double[]", "double | do
 UNBOUNDED = {"boolean", "string", "string[]", "double[]", "double | double[]", "string | string[]"}
 
 
-def client_of(one: Bench) -> AsyncParameterClient:
-    client = AsyncParameterClient(one.peer, one.node.get_fully_qualified_name())
+def client_of(one: Bench, node: str = "") -> AsyncParameterClient:
+    client = AsyncParameterClient(one.peer, node or one.node.get_fully_qualified_name())
     one.until(client.services_are_ready, "the node's parameter services")
     return client
 
 
-def dump(one: Bench, path: Path) -> Path:
-    """What ``ros2 param dump`` prints, as a file."""
-    client, tree = client_of(one), {}
+def dump(one: Bench, path: Path, node: str = "") -> Path:
+    """What ``ros2 param dump`` prints, as a file; of the bench's node, or of one that runs elsewhere."""
+    client, tree = client_of(one, node), {}
     names = sorted(one.result(client.list_parameters([], 0)).result.names)
     values = one.result(client.get_parameters(names)).values
     assert len(names) == len(values), "one that is not set hides all the others from rclpy's service"
@@ -50,7 +50,7 @@ def dump(one: Bench, path: Path) -> Path:
         for part in parts[:-1]:
             branch = branch.setdefault(part, {})
         branch[parts[-1]] = parameter_value_to_python(value)
-    node = one.node.get_fully_qualified_name()
+    node = node or one.node.get_fully_qualified_name()
     path.write_text(yaml.dump({node: {"ros__parameters": tree}}, default_flow_style=False))
     return path
 
