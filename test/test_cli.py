@@ -299,7 +299,7 @@ def test_stability_prints_the_reply_of_the_service():
     reply = json.loads(done.stdout, parse_constant=lambda text: pytest.fail(f"{text} is not JSON"))
     assert list(reply) == [
         "wheel", "speed_rad_s", "period_s", "verdict", "spectral_radius", "multipliers", "exponents_1_s",
-        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "contact",
+        "critical_speed_rad_s", "periodicity", "nearest_tongue_rad_s", "contact", "n_max",
     ]  # fmt: skip
     assert reply["speed_rad_s"] == pytest.approx(2000.0 * math.pi / 30.0, rel=1e-15)
     assert reply["period_s"] == pytest.approx(0.03, rel=1e-15)

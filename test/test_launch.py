@@ -318,7 +318,7 @@ def test_the_node_has_the_names_and_topics_that_were_asked_for(ros_domain, tmp_p
         "log_directory": str(tmp_path / "log"),
         "tf_parent_frame": "base_link",
     }
-    assert set(given) == set(declared()) - {"params_file"}, "an argument is not tried here"
+    assert set(given) == set(declared()) - {"params_file", "inputs_file"}, "an argument is not tried here"
     with real_node(ros_domain, tmp_path, **given) as node:
         assert node.get_fully_qualified_name() == "/car/tires"
         wheels = ["fl", "fr", "rl", "rr"]
@@ -340,6 +340,16 @@ def test_the_node_has_the_names_and_topics_that_were_asked_for(ros_domain, tmp_p
             *(f"/can/{wheel}/speed" for wheel in wheels),
         }
         assert subscriptions(node) - {"/clock", "/parameter_events"} == asked
+
+
+def test_a_field_map_beside_the_parameter_file(ros_domain, tmp_path):
+    path = tmp_path / "inputs.yaml"
+    fields = {"topic": "/hub/speeds", "type": "std_msgs/msg/Float32MultiArray"}
+    fields["field"] = [f"data[{index}]" for index in range(4)]
+    path.write_text(yaml.dump({"/**": {"ros__parameters": {"inputs": {"speed": fields}}}}))
+    with real_node(ros_domain, tmp_path, inputs_file=str(path)) as node:
+        assert "/hub/speeds" in subscriptions(node)
+        assert node.get_parameter("tire.sidewall_damping").value == "reaction"  # from the parameter file
 
 
 def test_wheels_alone_make_a_node(ros_domain, tmp_path):

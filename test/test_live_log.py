@@ -44,10 +44,10 @@ store = get_typestore(Stores.ROS2_JAZZY)
 
 
 @contextmanager
-def live_node(*arguments: str):
-    """The node as its own process; what it said is in ``.said`` once it has ended."""
+def live_node(*arguments: str, command: list[str] = COMMAND):
+    """The node as its own process."""
     process = subprocess.Popen(
-        [*COMMAND, "node", "--ros-args", *arguments],
+        [*command, "node", "--ros-args", *arguments],
         env={**os.environ, **ENVIRONMENT},
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,

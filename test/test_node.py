@@ -579,6 +579,7 @@ def test_the_stability_service_gives_the_closed_form(bench, speed):
         "periodicity",
         "nearest_tongue_rad_s",
         "contact",
+        "n_max",
     ]  # fmt: skip
     assert (reply["wheel"], reply["verdict"]) == ("wheel", "asymptotically stable")
     assert reply["speed_rad_s"] == speed

@@ -23,6 +23,8 @@ from rclpy.qos import ReliabilityPolicy
 from test_lifecycle import change
 from test_node import Bench
 
+from tire_dynamics.bag import BagReader
+from tire_dynamics.bag.writer import offered_qos
 from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.parameters import PARAMETERS, complete, read_config
 
@@ -31,15 +33,15 @@ LISTS = [row.name for row in PARAMETERS if row.kind in ("double[]", "double | do
 UNBOUNDED = {"boolean", "string", "string[]", "double[]", "double | double[]", "string | string[]"}
 
 
-def client_of(one: Bench) -> AsyncParameterClient:
-    client = AsyncParameterClient(one.peer, one.node.get_fully_qualified_name())
+def client_of(one: Bench, node: str = "") -> AsyncParameterClient:
+    client = AsyncParameterClient(one.peer, node or one.node.get_fully_qualified_name())
     one.until(client.services_are_ready, "the node's parameter services")
     return client
 
 
-def dump(one: Bench, path: Path) -> Path:
-    """What ``ros2 param dump`` prints, as a file."""
-    client, tree = client_of(one), {}
+def dump(one: Bench, path: Path, node: str = "") -> Path:
+    """What ``ros2 param dump`` prints, as a file; of the bench's node, or of one that runs elsewhere."""
+    client, tree = client_of(one, node), {}
     names = sorted(one.result(client.list_parameters([], 0)).result.names)
     values = one.result(client.get_parameters(names)).values
     assert len(names) == len(values), "one that is not set hides all the others from rclpy's service"
@@ -48,7 +50,7 @@ def dump(one: Bench, path: Path) -> Path:
         for part in parts[:-1]:
             branch = branch.setdefault(part, {})
         branch[parts[-1]] = parameter_value_to_python(value)
-    node = one.node.get_fully_qualified_name()
+    node = node or one.node.get_fully_qualified_name()
     path.write_text(yaml.dump({node: {"ros__parameters": tree}}, default_flow_style=False))
     return path
 
@@ -244,6 +246,52 @@ def test_qos_overrides_are_applied(bench, tmp_path):
     refused = one.set("qos_overrides./hub/load.subscription.depth", 9)
     assert not refused.successful and "read-only" in refused.reason
     assert one.set("qos_overrides./hub/load.subscription.depth", 7).successful  # as it is
+
+
+def test_a_log_says_the_qos_that_was_used(bench, tmp_path):
+    """In the channels and in metadata.yaml: of inputs, what was subscribed with."""
+    given = [
+        "/hub/load.subscription.reliability:=reliable", "/hub/load.subscription.depth:=7",
+        "/hub/load.subscription.deadline:=2500000000", "/wheel/axle_wrench.publisher.reliability:=best_effort",
+        "/wheel/axle_wrench.publisher.lifespan:=500000000", "/diagnostics.publisher.durability:=transient_local",
+        "/wheel/ring_shape.publisher.history:=keep_all", "/wheel/ring_shape.publisher.liveliness:=manual_by_topic",
+        "/wheel/ring_shape.publisher.liveliness_lease_duration:=3000000000",
+    ]  # fmt: skip
+    arguments = [part for each in given for part in ("-p", f"qos_overrides.{each}")]
+    one = bench(*arguments, "-r", "wheel/load:=/hub/load", "-p", f"log.directory:={tmp_path / 'logs'}")
+    one.close()
+    (log,) = (tmp_path / "logs").iterdir()
+    forever = {"sec": 9223372036, "nsec": 854775807}
+    default = {
+        "history": "keep_last", "depth": 10, "reliability": "reliable", "durability": "volatile",
+        "deadline": forever, "lifespan": forever, "liveliness": "automatic", "liveliness_lease_duration": forever,
+        "avoid_ros_namespace_conventions": False,
+    }  # fmt: skip
+    sensor_data = {**default, "depth": 5, "reliability": "best_effort"}
+    wanted = {
+        "/joint_states": sensor_data,
+        "/wheel/wheel_speed": sensor_data,
+        "/wheel/load_force": sensor_data,
+        "/hub/load": {**sensor_data, "depth": 7, "reliability": "reliable", "deadline": {"sec": 2, "nsec": 500000000}},
+        "/wheel/axle_wrench": {**default, "reliability": "best_effort", "lifespan": {"sec": 0, "nsec": 500000000}},
+        "/wheel/ring_deflection": default,
+        "/wheel/ring_shape": {
+            **default, "history": "keep_all", "liveliness": "manual_by_topic",
+            "liveliness_lease_duration": {"sec": 3, "nsec": 0},
+        },
+        "/diagnostics": {**default, "durability": "transient_local"},
+        "/tire_dynamics/tick": default,
+        "/tire_dynamics/log_record": default,
+    }  # fmt: skip
+    reader = BagReader(log)
+    assert {topic: offered_qos(text) for topic, text in reader.qos.items()} == {
+        topic: [profile] for topic, profile in wanted.items()
+    }
+    information = yaml.safe_load((log / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    topics = [each["topic_metadata"] for each in information["topics_with_message_count"]]
+    assert {each["name"]: each["offered_qos_profiles"] for each in topics} == {
+        topic: [profile] for topic, profile in wanted.items()
+    }
 
 
 def wrench_of(end) -> ReliabilityPolicy:

@@ -329,9 +329,11 @@ def test_vehicle_yaml_holds_parameters_of_the_node():
 
 
 def test_vehicle_yaml_shows_every_parameter():
-    """But for the field map's, which stand in ``config/inputs``: a file for each stack."""
-    assert set(VEHICLE) == {row.name for row in PARAMETERS if not row.name.startswith("inputs.")}
-    assert "config/inputs" in (ROOT / "config" / "vehicle.yaml").read_text(encoding="utf-8")
+    """But for the field map's, which stand in ``config/inputs``, a file for each stack, and those of a car."""
+    elsewhere = ("inputs.", "vehicle.", "sensor_noise.")
+    assert set(VEHICLE) == {row.name for row in PARAMETERS if not row.name.startswith(elsewhere)}
+    text = (ROOT / "config" / "vehicle.yaml").read_text(encoding="utf-8")
+    assert "config/inputs" in text and "config/car.yaml" in text
 
 
 def test_vehicle_yaml_is_the_defaults_but_for_what_a_car_has():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import os
 import re
 import shutil
@@ -143,7 +142,9 @@ class BagWriter:
         """What writes the MCAP file; the mcap library's ``Writer`` has the same methods, but for ``add_block``."""
         return ChunkWriter(file, chunk_size, compression)
 
-    def add_topic(self, name: str, msgtype: str, qos: str = "sensor_data", definition: str | None = None) -> int:
+    def add_topic(
+        self, name: str, msgtype: str, qos: str | Mapping[str, Any] = "sensor_data", definition: str | None = None
+    ) -> int:
         """Declare a topic.
 
         Parameters
@@ -152,8 +153,9 @@ class BagWriter:
             Absolute, such as "/front_left/load".
         msgtype : str
             Such as "geometry_msgs/msg/WrenchStamped"; any message of the ROS that is there, or that rosbags knows.
-        qos : str
-            The profile it is offered with: "sensor_data" or "default".
+        qos : str or mapping
+            The profile it is offered with: "sensor_data", "default" or "latched"; or every policy of it, as
+            ``metadata.yaml`` has them.
         definition : str, optional
             Of a type that is not in the common interfaces, with those of all types in it.
 
@@ -179,15 +181,16 @@ class BagWriter:
         text, description_hash = declared
         if msgtype not in self._schemas:
             self._schemas[msgtype] = self._declare("register_schema", msgtype, "ros2msg", text)
+        profile = _QOS[qos] if isinstance(qos, str) else dict(qos)
         topic = {
             "name": name,
             "type": msgtype,
             "serialization_format": "cdr",
-            "offered_qos_profiles": [_QOS[qos]],
+            "offered_qos_profiles": [profile],
             "type_description_hash": description_hash,
         }
         channel = {
-            "offered_qos_profiles": _qos_text(qos),
+            "offered_qos_profiles": _yaml([profile]),
             "topic_type_hash": topic["type_description_hash"],
         }
         self._topics[name] = self._declare("register_channel", name, "cdr", self._schemas[msgtype], channel)
@@ -398,11 +401,6 @@ def _span(start: int, end: int, messages: int) -> dict[str, Any]:
         "starting_time": {"nanoseconds_since_epoch": start},
         "message_count": messages,
     }
-
-
-@functools.cache
-def _qos_text(qos: str) -> str:
-    return _yaml([_QOS[qos]])
 
 
 class _PlainDumper(yaml.SafeDumper):

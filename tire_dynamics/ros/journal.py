@@ -40,10 +40,13 @@ class Journal:
         Whose messages these are; set before the first log.
     names : dict
         Full names of topics by their relative ones; likewise.
+    qos : dict
+        The QoS that topics were subscribed to or are offered with, as a bag says it, by their relative names; likewise.
     """
 
     pipeline: Pipeline
     names: Mapping[str, str]
+    qos: Mapping[str, Mapping[str, Any]]
 
     def __init__(self, logger: Any, now: Callable[[], int]) -> None:
         self.log: Log | None = None
@@ -62,18 +65,22 @@ class Journal:
     def start(self) -> Log:
         """Begin a log."""
         types = {
-            **{topic: (msgtype, "sensor_data") for topic, msgtype in self.pipeline.inputs.items()},
-            **{topic: (msgtype, "default") for topic, msgtype in self.pipeline.outputs.items()},
-            TICK: (messages.CLOCK, "default"),
-            LOG_RECORD: (messages.STRING, "default"),
-            DIAGNOSTICS: (DIAGNOSTICS_TYPE, "default"),
+            **self.pipeline.inputs,
+            **self.pipeline.outputs,
+            TICK: messages.CLOCK,
+            LOG_RECORD: messages.STRING,
+            DIAGNOSTICS: DIAGNOSTICS_TYPE,
         }
         values = self.pipeline.values
         if values["tf.parent_frame"]:
-            types[TF_STATIC] = (messages.TF, "latched")
+            types[TF_STATIC] = messages.TF
+        without = {TF_STATIC: "latched"}  # of what is in the log alone
         self.log = Log(
             Path(os.path.expanduser(values["log.directory"])),  # no shell does it behind `:=`
-            {self.names[topic]: kind for topic, kind in types.items()},
+            {
+                self.names[topic]: (msgtype, self.qos.get(topic, without.get(topic, "default")))
+                for topic, msgtype in types.items()
+            },
             values["log.queue_size"],
             values["log.compression"],
             1e6 * values["log.max_size_mb"],

@@ -11,17 +11,21 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import datetime, timezone
 from pathlib import Path
+from typing import Any
 
 from ..bag import BagWriter
 from ..files.errors import InputError
 
-__all__ = ["CHUNK_SIZE", "FLUSH_INTERVAL", "Log", "LogFiles"]
+__all__ = ["CHUNK_SIZE", "FLUSH_INTERVAL", "Log", "LogFiles", "Topics"]
 
 FLUSH_INTERVAL = 0.5
 """Seconds between two flushes: with the time that one takes, what a killed process can lose."""
 
 CHUNK_SIZE = 512 * 1024
 """Bytes of messages in a chunk at most, half a second of four wheels at 500 Hz: each costs the summary an entry."""
+
+Topics = Mapping[str, tuple[str, str | Mapping[str, Any]]]
+"""Message type and QoS profile, as :meth:`BagWriter.add_topic` takes it, by full topic name."""
 
 _Message = tuple[str, int, int, bytes]  # topic, log time and publish time [ns], data
 
@@ -58,7 +62,7 @@ class LogFiles:
     def __init__(
         self,
         bag: BagWriter,
-        topics: Mapping[str, tuple[str, str]],
+        topics: Topics,
         max_size: float,
         max_duration: float,
         now: float,
@@ -143,7 +147,7 @@ class Log:
     def __init__(
         self,
         directory: Path,
-        topics: Mapping[str, tuple[str, str]],
+        topics: Topics,
         queue_size: int,
         compression: str,
         max_size: float = 0.0,

@@ -42,7 +42,7 @@ from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
 from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
-from .qos_overrides import QosOverrides
+from .qos_overrides import QosOverrides, as_recorded
 from .stop import Stop
 from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
@@ -314,6 +314,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _connect(self) -> None:
         names = {TICK: self._own_name("tick"), LOG_RECORD: self._own_name("log_record")}
+        qos = {}
         for topic, msgtype in self._pipeline.inputs.items():
             if (name := self.resolve_topic_name(topic)) in names.values():
                 raise InputError(f"{topic} of inputs.*.topic is {name}, an input already; write both in the same way")
@@ -321,14 +322,14 @@ class TireDynamicsNode(LifecycleNode):
                 message_class(msgtype), topic, self._receiver(topic), qos_profile_sensor_data, raw=True
             )
             self._made.append((self.destroy_subscription, subscription))
-            names[topic] = subscription.topic_name
+            names[topic], qos[topic] = subscription.topic_name, as_recorded(subscription.qos_profile)
         self._outputs = {}
         for topic, msgtype in self._pipeline.outputs.items():
             self._outputs[topic] = self._publisher(topic, message_class(msgtype), 10)
-            names[topic] = self._outputs[topic].topic_name
-        names[DIAGNOSTICS] = self._diagnostics.topic_name
+            names[topic], qos[topic] = self._outputs[topic].topic_name, as_recorded(self._outputs[topic].qos_profile)
+        names[DIAGNOSTICS], qos[DIAGNOSTICS] = self._diagnostics.topic_name, as_recorded(self._diagnostics.qos_profile)
         names[TF_STATIC] = TF_STATIC
-        self._journal.names = names
+        self._journal.names, self._journal.qos = names, qos
         wheels = self._pipeline.vehicle.settings.wheels
         self._markers = [self._publisher(f"{wheel}/markers", MarkerArray, 1) for wheel in wheels]
         samples = self._pipeline.vehicle.settings.ring_samples
@@ -386,7 +387,9 @@ class TireDynamicsNode(LifecycleNode):
             self.get_logger().warning("tf.parent_frame is not published but only logged: tf2_msgs is not installed")
             return
         qos = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._publisher(TF_STATIC, message_class(messages.TF), qos).publish(transforms)
+        publisher = self._publisher(TF_STATIC, message_class(messages.TF), qos)
+        self._journal.qos = {**self._journal.qos, TF_STATIC: as_recorded(publisher.qos_profile)}
+        publisher.publish(transforms)
 
     # -- parameters -----------------------------------------------------------------------------------------
 

@@ -7,13 +7,14 @@ from copy import copy
 from functools import partial
 from typing import Any
 
+from rclpy.duration import Duration, Infinite
 from rclpy.node import Node
-from rclpy.qos import QoSPolicyKind, QoSProfile
+from rclpy.qos import LivelinessPolicy, QoSPolicyKind, QoSProfile
 from rclpy.qos_overriding_options import QoSOverridingOptions
 
 from ..files.errors import InputError, first_line
 
-__all__ = ["QosOverrides"]
+__all__ = ["QosOverrides", "as_recorded"]
 
 _PREFIX = "qos_overrides."
 _RCLPYS = ("/clock.subscription.",)  # declared by rclpy's time source
@@ -25,6 +26,38 @@ _POLICIES = {
         QoSPolicyKind.LIVELINESS_LEASE_DURATION,
     )
 }  # fmt: skip
+
+
+def as_recorded(profile: QoSProfile) -> dict[str, Any]:
+    """A QoS profile as a bag's ``metadata.yaml`` says it.
+
+    Parameters
+    ----------
+    profile : rclpy.qos.QoSProfile
+
+    Returns
+    -------
+    dict
+        Every policy by its name, times in s and ns. What rclpy leaves to DDS is what DDS takes: a time of 0 is for
+        ever, and a publisher is alive as long as its process.
+    """
+    liveliness = profile.liveliness
+    return {
+        "history": profile.history.name.lower(),
+        "depth": profile.depth,
+        "reliability": profile.reliability.name.lower(),
+        "durability": profile.durability.name.lower(),
+        "deadline": _time(profile.deadline),
+        "lifespan": _time(profile.lifespan),
+        "liveliness": "automatic" if liveliness == LivelinessPolicy.SYSTEM_DEFAULT else liveliness.name.lower(),
+        "liveliness_lease_duration": _time(profile.liveliness_lease_duration),
+        "avoid_ros_namespace_conventions": profile.avoid_ros_namespace_conventions,
+    }
+
+
+def _time(duration: Duration) -> dict[str, int]:
+    sec, nsec = divmod(duration.nanoseconds or Infinite.nanoseconds, 10**9)
+    return {"sec": sec, "nsec": nsec}
 
 
 class QosOverrides:

@@ -148,7 +148,19 @@ def is_unstable(unit: TireWheelUnit, speed: float, model: Model = "inextensional
 
 
 def judged_speed(unit: TireWheelUnit, speed: float) -> float:
-    """The speed [rad/s] at which :func:`is_unstable` looks for one that it is asked about."""
+    """The speed at which :func:`is_unstable` looks for one that it is asked about.
+
+    Parameters
+    ----------
+    unit : TireWheelUnit
+    speed : float
+        [rad/s]
+
+    Returns
+    -------
+    float
+        Of a uniform unit the same; of another the next whole number of rad/s, at least 20, with the same sign.
+    """
     if unit.is_uniform:
         return speed
     return math.copysign(max(float(round(abs(speed))), 20.0), speed)
