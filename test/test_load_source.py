@@ -332,8 +332,8 @@ def test_a_report_has_the_estimated_loads_with_their_deviations(tmp_path, log, c
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     for words in (
         "The loads are estimated, from hub accelerations, travel, the IMU and wheel speeds, and known up to 20 Hz",
-        "load z sd, mean [N]",
-        f"{round(drive.wheels[0].deviations.high)}",
+        "load z sd [N]",
+        f"{round(drive.wheels[0].deviations.mean)}<small>to {round(drive.wheels[0].deviations.high)}</small>",
         "Load z, estimated [kN]",
         "under loads that were estimated",
     ):

@@ -76,7 +76,7 @@ def number_table(drive: Drive, found: Summary) -> Table:
     """
     estimated = drive.load_source == "estimate"
     forces = (
-        "load z mean", "load z peak", "load z rms", *(("load z sd, mean", "load z sd, largest") if estimated else ()),
+        "load z mean", "load z peak", "load z rms", *(("load z sd",) if estimated else ()),
         "axle z mean", "axle z peak", "axle z rms", "axle x mean", "axle x peak", "axle x rms",
     )  # fmt: skip
     header = ("wheel", *forces, "top speed", "covered", "stability")
@@ -89,7 +89,7 @@ def number_table(drive: Drive, found: Summary) -> Table:
             row += [number(value) for value in (of.mean, of.peak, of.deviation)] if of.count else ["-"] * 3
             if curve == "load_z" and estimated:
                 sd = wheel.deviations
-                row += [number(sd.mean), number(sd.high)] if sd.count else ["-"] * 2
+                row.append(f"{number(sd.mean)}\nto {number(sd.high)}" if sd.count else "-")
         row += [number(wheel.highest_speed / RPM), f"{math.floor(1e4 * share) / 100:g}", verdict or "-"]
         rows.append(row)
     heads = [f"{name} [{unit}]" if unit else name for name, unit in zip(header, units, strict=True)]
