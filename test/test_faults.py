@@ -662,9 +662,9 @@ def _mixed(value) -> bool:
 
 def _another(row):
     """A value that the row allows, but for being read-only."""
-    if row.kind == "string[]":
+    if row.kind in ("string[]", "string | string[]"):
         return ["other"]
-    if row.kind == "double[]":
+    if row.kind in ("double[]", "double | double[]"):
         return [1.0, 2.0, 3.0]
     if row.kind == "boolean":
         return not row.default

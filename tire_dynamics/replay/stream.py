@@ -430,7 +430,7 @@ class MessageStream:
     def note(self, quantity: cython.Py_ssize_t, place: cython.Py_ssize_t, value: cython.double) -> cython.void:
         """Add a value to what is known of its quantity."""
         at: cython.Py_ssize_t = 4 * (quantity * self.width + place)
-        if value - value != 0.0:  # not finite
+        if not abs(value) < 1e9:  # not finite, or beyond any unit: bits that were damaged, and no measurement
             return
         self.sums[at] += 1.0
         self.sums[at + 1] += value
