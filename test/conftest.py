@@ -6,6 +6,7 @@ import os
 os.environ.setdefault("ROS_PYTHON_CHECK_FIELDS", "1")
 
 import fcntl
+import gc
 import signal
 import tempfile
 from contextlib import ExitStack
@@ -114,5 +115,6 @@ def bench(ros_domain):
         yield start
     finally:
         with ExitStack() as stack:
+            stack.callback(gc.collect)  # the next node's /rosout is not made while a node of its name is left
             for one in benches:
                 stack.callback(one.close)

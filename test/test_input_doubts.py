@@ -15,6 +15,9 @@ from tire_dynamics.cli.main import main
 from tire_dynamics.files.plausibility import GRAVITY, RECORD
 from tire_dynamics.replay.bag_setup import bag_setup
 from tire_dynamics.replay.doubts import InputDoubts
+from tire_dynamics.replay.input_watch import InputWatch
+from tire_dynamics.replay.parameters import complete
+from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.report.findings import summary
 from tire_dynamics.report.gather import gather
 
@@ -120,3 +123,23 @@ def test_of_a_long_bag_every_other_block_is_looked_at_in_part(tmp_path, config):
     for block in list(BagReader(turning).blocks()) * 2:
         seen.take(block)
     assert not any("the speed of right is 0" in each for each in seen.doubts())
+
+
+@pytest.mark.parametrize("kind", ["wheel_speed", "load_force"])
+def test_noise_for_numbers_does_not_end_the_watch_of_a_live_node(kind):
+    """Their squares are beyond all numbers; they are no measurement, and say nothing of those between them."""
+    values = complete({"wheels": WHEELS})
+    pipeline, watch = Pipeline(values), InputWatch(values)
+    said = []
+    for second in range(4):
+        for number in range(COUNT):
+            now = (10 + second) * 10**9 + number * STEP
+            for wheel in WHEELS:
+                speed = SPEED[0] + 0.1 * (number % 3)
+                pipeline.receive(f"{wheel}/wheel_speed", now, encode_float64(speed))
+                pipeline.receive(f"{wheel}/load_force", now, encode_float64(LOAD))
+            pipeline.receive(f"left/{kind}", now, encode_float64([1e308, -1e308, 1e200, np.inf][number % 4]))
+        sums = pipeline.take_sums()
+        assert np.isfinite([*sums.values()]).all()
+        said = watch.look(sums)
+    assert said == []

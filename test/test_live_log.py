@@ -44,10 +44,10 @@ store = get_typestore(Stores.ROS2_JAZZY)
 
 
 @contextmanager
-def live_node(*arguments: str, command: list[str] = COMMAND):
+def live_node(*arguments: str, command: list[str] | None = None):
     """The node as its own process."""
     process = subprocess.Popen(
-        [*command, "node", "--ros-args", *arguments],
+        [*(command or COMMAND), "node", "--ros-args", *arguments],
         env={**os.environ, **ENVIRONMENT},
         stderr=subprocess.PIPE,
         stdout=subprocess.PIPE,

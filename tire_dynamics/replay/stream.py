@@ -61,6 +61,7 @@ _FIRST = cython.declare(cython.Py_ssize_t, 12)  # where a frame_id stands: encap
 _OUTCOMES = cython.declare(cython.Py_ssize_t, 12)  # places in Schedule.counts
 _JOINT_TWICE = cython.declare(cython.Py_ssize_t, 10)
 _NAN = cython.declare(cython.double, float("nan"))
+_MOST_NOTED = cython.declare(cython.double, 1e12)  # beyond it is no measurement in any unit; squares can be summed
 _NAMES = [name for name, _ in sorted(QUANTITIES.items(), key=lambda item: item[1].number)]
 _SPEED = cython.declare(cython.Py_ssize_t, 0)  # numbers of quantities, as QUANTITIES has them
 _ANGLE = cython.declare(cython.Py_ssize_t, 1)
@@ -430,7 +431,7 @@ class MessageStream:
     def note(self, quantity: cython.Py_ssize_t, place: cython.Py_ssize_t, value: cython.double) -> cython.void:
         """Add a value to what is known of its quantity."""
         at: cython.Py_ssize_t = 4 * (quantity * self.width + place)
-        if not abs(value) < 1e9:  # not finite, or beyond any unit: bits that were damaged, and no measurement
+        if not abs(value) <= _MOST_NOTED:  # or is no number
             return
         self.sums[at] += 1.0
         self.sums[at + 1] += value
