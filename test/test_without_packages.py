@@ -105,7 +105,7 @@ def test_the_node_logs_and_its_log_replays(ros_domain, tmp_path):
                 break
         else:
             pytest.fail("".join(said))
-        played = ["play", SAMPLE, "--rate", "10"]
+        played = ["play", SAMPLE, "--rate", "10", "--wait", str(PATIENCE)]
         without(*played)
         node.send_signal(2)
         rest = node.communicate(timeout=PATIENCE)[1]
