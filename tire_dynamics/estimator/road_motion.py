@@ -23,6 +23,9 @@ under it leads: found by taking the step two to four times.
 The state is what it differs from the steady state under the static load at the present speed: at rest and on a flat
 road all that is computed is zero, and not a bit moves. Where one patch leaves or finds the road, the moment is located
 inside the step. Sums, products and quotients are taken in a fixed order, as in :mod:`.motion`.
+
+The file is long because it is one compiled class: solving for the contact force takes what every part of the system
+answers to it, so n = 1, harmonics, car, sidewall and run-out share one set of buffers, called as C functions.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""The live node."""
+"""The live node.
+
+The file is long because it is one class, which rclpy's callbacks need whole: lifecycle, parameters, subscriptions,
+timers and services share the pipeline and its clock. What it says, logs and works out beside stands in other modules.
+"""
 
 from __future__ import annotations
 
