@@ -2,6 +2,7 @@ import os
 import re
 import runpy
 import sys
+import sysconfig
 from concurrent.futures import ThreadPoolExecutor
 from glob import glob
 from pathlib import Path
@@ -16,6 +17,7 @@ BUILD_STATE = runpy.run_path("tire_dynamics/build_state.py")
 # for the processor at hand (-march=native), for the same reason.
 FLAGS = ["-O3", "-fno-fast-math", "-ffp-contract=off", "-g0"]  # -g0 halves the time
 FLAGS_MSVC = ["/O2", "/fp:precise"]
+EXT_SUFFIX = sysconfig.get_config_var("EXT_SUFFIX")
 
 
 class BuildCore(build_ext):
@@ -23,6 +25,8 @@ class BuildCore(build_ext):
 
     def run(self):
         in_place = self.inplace
+        if in_place and not self.force:  # pip's build leaves nothing in build/ that would say so
+            self.extensions = [extension for extension in self.extensions if is_outdated(extension)]
         try:
             super().run()
         except Exception as error:
@@ -62,6 +66,13 @@ class BuildCore(build_ext):
                 jobs.append(pool.submit(build, extension))
             for job in jobs:
                 job.result()
+
+
+def is_outdated(extension):
+    """Whether what was compiled in place is older than its source, or is not there."""
+    compiled = Path(*extension.name.split(".")).with_suffix(EXT_SUFFIX)
+    since = max(os.path.getmtime(file) for file in [*extension.sources, *extension.depends])
+    return not compiled.exists() or compiled.stat().st_mtime < since
 
 
 def extension(module):
