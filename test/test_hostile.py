@@ -29,10 +29,10 @@ import lz4.frame
 import pytest
 import yaml
 import zstandard
+from examples import spared
 from hypothesis import given, seed, settings
 from hypothesis import strategies as st
 
-from examples import spared
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.cdr import messages
 from tire_dynamics.cdr.messages import JointStateEncoder, WrenchEncoder, encode_float64, encode_string

@@ -16,13 +16,13 @@ from typing import NamedTuple
 
 import pytest
 import yaml
+from examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.rosbag2 import Reader
 
-from examples import examples
 from tire_dynamics.bag import BagReader, BagWriter
 from tire_dynamics.bag import salvage as salvage_module
 from tire_dynamics.bag.definitions import definition

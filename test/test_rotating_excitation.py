@@ -9,12 +9,12 @@ import math
 import numpy as np
 import pytest
 import ring_frame
+from examples import spared
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from test_unit import mappings
 
-from examples import spared
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.build_state import how_to_compile, is_compiled
 from tire_dynamics.estimator.motion import Motion

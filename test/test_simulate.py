@@ -7,12 +7,12 @@ import math
 import numpy as np
 import pytest
 import ring_frame
+from examples import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from test_modes import Drive, Lagrangian, drives, units
 
-from examples import examples
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
 from tire_dynamics.science import rotating_excitation
 
