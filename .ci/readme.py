@@ -17,7 +17,7 @@ from pathlib import Path
 CLONE = Path(__file__).resolve().parents[1]
 TIRES = Path.home() / "tires"
 UNTIL_CTRL_C = "tire-dynamics node"
-PARTS = ("Beside a ROS 2 stack", "With a CSV file", "With the paper")
+PARTS = ("Beside a ROS 2 stack", "With a CSV file", "With an IMU and wheel speeds alone", "With the paper")
 
 
 def blocks(heading: str) -> list[tuple[str, str]]:
