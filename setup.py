@@ -24,15 +24,16 @@ class BuildCore(build_ext):
     """Compiles the core; where that cannot be, the installation goes on, and the same source runs interpreted."""
 
     def run(self):
-        in_place = self.inplace
+        in_place, core = self.inplace, self.extensions
         if in_place and not self.force:  # pip's build leaves nothing in build/ that would say so
-            self.extensions = [extension for extension in self.extensions if is_outdated(extension)]
+            beside = {each.name: Path(*each.name.split(".")).with_suffix(EXT_SUFFIX) for each in self.extensions}
+            self.extensions = [each for each in self.extensions if is_outdated(each, beside[each.name])]
         try:
             super().run()
         except Exception as error:
             # All or nothing; and nothing may stay that was compiled before a change of the source.
             self.inplace = False
-            for extension in self.extensions:
+            for extension in core:
                 built = self.get_ext_fullpath(extension.name)
                 beside = os.path.join(os.path.dirname(extension.name.replace(".", os.sep)), os.path.basename(built))
                 for file in [built, beside] if in_place else [built]:
@@ -53,6 +54,8 @@ class BuildCore(build_ext):
         with ThreadPoolExecutor(self.parallel if type(self.parallel) is int else os.cpu_count()) as pool:
             jobs = []
             for extension in sorted(self.extensions, key=lambda each: -os.path.getsize(each.sources[0])):
+                if not self.force and not is_outdated(extension, Path(self.get_ext_fullpath(extension.name))):
+                    continue  # Cython would do it again, whose own files are new in each environment that pip makes
                 extension.extra_compile_args = FLAGS_MSVC if self.compiler.compiler_type == "msvc" else FLAGS
                 # The C code goes to build/, not beside its source.
                 [made] = cythonize(
@@ -68,9 +71,8 @@ class BuildCore(build_ext):
                 job.result()
 
 
-def is_outdated(extension):
-    """Whether what was compiled in place is older than its source, or is not there."""
-    compiled = Path(*extension.name.split(".")).with_suffix(EXT_SUFFIX)
+def is_outdated(extension, compiled):
+    """Whether a file that was compiled is older than its source, or is not there."""
     since = max(os.path.getmtime(file) for file in [*extension.sources, *extension.depends])
     return not compiled.exists() or compiled.stat().st_mtime < since
 
