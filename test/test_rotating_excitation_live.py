@@ -96,6 +96,7 @@ def test_the_diagnostics_have_the_variation_at_the_wheels_angle(bench, tmp_path)
     one.until(lambda: len(heard) > seen + 2, "one without the start")
     said = diagnosis(heard)
     assert float(said["RFV over [turns]"]) >= 10.0 and said["periodicity"] == "irreducible"
+    assert said["RFV is of"].endswith("loads that are given")
     for j in (1, 2, 3):
         expected = expected_variation(j)
         size = float(said["RFV by harmonic [N]"].split()[j - 1])

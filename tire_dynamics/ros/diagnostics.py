@@ -17,6 +17,12 @@ _MANY_LATE = 0.25  # share of the samples of a second; on the way a good part of
 _SOME_REFUSED = 0.05
 _NOT_REFUSED = ("taken", "late", "repeated", "no stamp", "off the ground", "joint twice")
 
+# Whose force variation that is: a machine that holds the wheel at a fixed height reads another.
+_RFV_OF = {
+    "road": "this vehicle on the road, whose axle gives way",
+    "topic": "this vehicle under loads that are given",
+    "estimate": "this vehicle under loads that are estimated",
+}
 _NO_RUNOUT = "radial_runout has no effect: the load is given; load_source road has it"
 
 
@@ -166,6 +172,7 @@ def of_wheel(
         "periodicity": stability.get("periodicity", "not yet known"),
         "nearest tongue [rad/s]": _shown(stability.get("nearest_tongue_rad_s"), ".2f"),
         **variation,
+        **({"RFV is of": _RFV_OF[load_source]} if len(variation) > 1 else {}),
         "stops for stale inputs": inputs.stops,
         "stops for divergence": inputs.divergences,
         **{f"samples {outcome}": count for outcome, count in inputs.counts.items()},
