@@ -117,7 +117,7 @@ clean:  ## remove .venv and everything that was built
 $(INSTALLED): setup.py setup.cfg pyproject.toml
 	@"$(PYTHON)" $(SUITS) || { echo "$(or $(PYTHON),No python3 found) is not Python 3.10 to 3.14 with the venv" \
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
-	@echo "Making $(VENV) with $(PYTHON); this takes about a minute."
+	@echo "Making $(VENV) with $(PYTHON): packages are fetched and the core is compiled, some two minutes."
 	"$(PYTHON)" -m venv --clear $(VENV)
 	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,test]'
 	@touch $@
