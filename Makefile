@@ -4,6 +4,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 INSTALLED := $(VENV)/installed
 READY := $(VENV)/ready
+TESTS := $(VENV)/tests
 COLCON := $(VENV)/bin/colcon
 DOCS := $(VENV)/bin/mkdocs
 INTEROP := $(VENV)/interop/ready
@@ -34,7 +35,7 @@ SPREAD := -n $(WORKERS) --dist worksteal
 RANDOM := --hypothesis-profile=random --hypothesis-seed=$(SEED)
 
 # What an extra asks for; the package itself stays as it is.
-extra = $(PY) .ci/extra.py $(1) > $(VENV)/extra.txt && $(PY) -m pip install --quiet --disable-pip-version-check -r $(VENV)/extra.txt
+extra = $(PY) .ci/extra.py $(1) > $(VENV)/$(strip $(1)).txt && $(PY) -m pip install --quiet --disable-pip-version-check -r $(VENV)/$(strip $(1)).txt
 
 # Runs targets one after the other, all of them, whatever fails; says what did, and fails if anything did.
 each = @failed=; for part in $(1); do \
@@ -51,32 +52,32 @@ help:  ## this list
 run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
 	$(PY) -m tire_dynamics.ros.demo
 
-check: $(READY)  ## while working: lint, types and every test under half a second, in less than 2 minutes
+check: $(TESTS)  ## while working: lint, types and every test under half a second, in less than 2 minutes
 	$(call each,lint types tests-quick)
 
-test: $(READY)  ## what proves a change: lint, types and all tests but the longest, in less than 10 minutes
+test: $(TESTS)  ## what proves a change: lint, types and all tests but the longest, in less than 10 minutes
 	$(call each,lint types tests-parallel tests-live)
 
-nightly: $(READY)  ## everything: random examples, hostile files, jobs, kills, and MINUTES (30) of soak
+nightly: $(TESTS)  ## everything: random examples, hostile files, jobs, kills, and MINUTES (30) of soak
 	@echo "SEED=$(SEED)"
 	$(call each,lint types tests-random tests-long soak)
 
-tests-quick: $(READY)
+tests-quick: $(TESTS)
 	$(PYTEST) $(SPREAD) -m 'not slow and not live and not nightly' --hypothesis-profile=few
 
-tests-parallel: $(READY)
+tests-parallel: $(TESTS)
 	$(PYTEST) $(SPREAD) -m 'not live and not nightly'
 
-tests-live: $(READY) $(GENERATORS)
+tests-live: $(TESTS) $(GENERATORS)
 	$(PYTEST) $(SPREAD) -m 'live and not nightly'
 
-tests-random: $(READY)
+tests-random: $(TESTS)
 	$(PYTEST) $(SPREAD) -m 'not live' $(RANDOM) || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
-tests-long: $(READY) $(GENERATORS)
+tests-long: $(TESTS) $(GENERATORS)
 	$(PYTEST) -m live $(RANDOM) -rP || { echo "The same examples again: make $@ SEED=$(SEED)" >&2; exit 1; }
 
-interop: $(READY) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
+interop: $(TESTS) $(INTEROP)  ## others' software against ours: Cyclone DDS, rosbags, Foxglove's readers under Node.js
 	$(PY) -m pytest test/interop
 
 docs: $(READY) $(DOCS)  ## this documentation and the reference from the docstrings as a site, in build/site
@@ -85,27 +86,27 @@ docs: $(READY) $(DOCS)  ## this documentation and the reference from the docstri
 		{ echo "These pages need the network." >&2; exit 1; }
 	@echo "build/site/index.html"
 
-lint: $(READY)  ## ruff
+lint: $(TESTS)  ## ruff
 	$(PY) -m ruff check
 
-types: $(READY)  ## mypy
+types: $(TESTS)  ## mypy
 	$(PY) -m mypy
 
-colcon: $(READY) $(COLCON) $(GENERATORS)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
+colcon: $(TESTS) $(COLCON) $(GENERATORS)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
 
-bench: $(READY)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
+bench: $(TESTS)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
 	@mkdir -p build/bench
 	@set -e; for name in $(BENCHMARKS); do \
 		echo "== $$name"; $(PY) benchmarks/$$name.py --json build/bench/$$name.json; done
 
-identify-study: $(READY)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
+identify-study: $(TESTS)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
 	$(PY) benchmarks/identify_study.py --kinds all
 
-soak: $(READY)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
+soak: $(TESTS)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)
 
-kill: $(READY)  ## SIGKILL at 50 random moments: what the log loses; `make test` does it a few times
+kill: $(TESTS)  ## SIGKILL at 50 random moments: what the log loses; `make test` does it a few times
 	$(PYTEST) test/test_log_faults.py -k sigkill -rP
 
 clean:  ## remove .venv and everything that was built
@@ -119,13 +120,18 @@ $(INSTALLED): setup.py setup.cfg pyproject.toml
 		"module (Debian, Ubuntu: apt install python3-venv). Name one: make PYTHON=... $(MAKECMDGOALS)" >&2; exit 1; }
 	@echo "Making $(VENV) with $(PYTHON): packages are fetched and the core is compiled, some two minutes."
 	"$(PYTHON)" -m venv --clear $(VENV)
-	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,test]'
+	$(PY) -m pip install --quiet --disable-pip-version-check -e '.[ros,plot,report,build]'
 	@touch $@
 
 # What was compiled is imported before its source: it is made anew when the source changes.
 $(READY): $(INSTALLED) tire_dynamics/build_state.py $(CORE)
 	@$(PY) setup.py --quiet build_ext --inplace
 	@$(PY) -m tire_dynamics.build_state >&2 || true
+	@touch $@
+
+# What only tests need is no part of the first start.
+$(TESTS): $(INSTALLED) | $(READY)
+	$(call extra,test)
 	@touch $@
 
 $(COLCON): $(INSTALLED) | $(READY)

@@ -181,6 +181,7 @@ setup(
         "mdf": ["asammdf>=7.4"],  # MDF4 files for `compare`
         "cluster": [DASK],  # Dask: replays and maps on several machines
         "completion": [SHTAB],  # for the shells' Tab
+        "build": [SETUPTOOLS, CYTHON],  # what compiles the core again where it changes, in a clone
         "colcon": ["colcon-common-extensions", SETUPTOOLS, CYTHON],  # what `make colcon` builds with
         # another vendor's DDS, ROS's release tool, checks of the project's files: for `make interop`
         "interop": [
