@@ -8,7 +8,8 @@ Both are fed by this process: loads for four wheels at the node's rate, joint st
 cpu       processor time of the node's process, all threads, in percent of one core
 latency   from a load's stamp, which is read right before it is sent, to the receipt of its wheel's first wrench of
           that time or later, as DDS notes it. The loads go through all phases of the node's period, so half a
-          period is in the median of both
+          period is in the median of both. The null node stamps what it sends with the time of sending, ours with
+          the tick's deadline, which lies before: the time that a thread takes to wake is in our latency alone
 achieved  wrenches received, in percent of the rate
 missed    instants of the rate between the first and the last wrench's stamp that no wrench was for
 memory    resident memory of the node's process at the end
@@ -46,8 +47,8 @@ SLOW = (  # name, model, speed [rad/s]: what takes long, of tires that are not t
     ("varying, 1 rad/s", "inextensional", 1.0),
     ("varying, complete, 0.3 rad/s", "complete", 0.3),
 )
-TARGETS = {"cpu": 1.3, "p99": 1.5, "memory": 1.5}
-LEAST_ACHIEVED = 99.5  # [%]
+TARGETS = {"cpu": 1.3, "p99": 1.2, "memory": 1.5}
+LEAST_ACHIEVED = 99.9  # [%], or what the null node achieves
 LONGEST_REPLY = 10.0  # [ms]
 MUCH_ELSE = 30.0  # [%] of one core
 
@@ -131,7 +132,7 @@ def live_rows(case: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     ):
         target = f"<= {TARGETS[figure]}" if figure in TARGETS else ""
         if figure == "achieved" and case["log"] and case["rate_hz"] == 1000.0:
-            target = f">= {LEAST_ACHIEVED} %"
+            target = f">= {min(LEAST_ACHIEVED, null['achieved']['median']):.2f} %"
         name = {"p50": "latency p50", "p99": "latency p99", "max": "latency max"}.get(figure, figure)
         yield (
             f"  {name}{f' [{unit}]' if unit else ''}",
