@@ -7,8 +7,8 @@ solve_ivp (DOP853, rtol 1e-9) integrates 0.1 s of one wheel of it, the same syst
 against it.
 
 n_max 30, 500 Hz, the inextensional belt; each tick comes with a speed and a load, or a height, for every wheel. "new
-speed" changes the speed at every tick, "same speed" never. The road is a random walk that keeps the contact. The rows of
-a sidewall that varies, in its first and second harmonic, couple the belt's harmonics up to a number.
+speed" changes the speed at every tick, "same speed" never. The road is a random walk that keeps the contact. The rows
+of a sidewall that varies, in its first and second harmonic, couple the belt's harmonics up to a number.
 """
 
 from __future__ import annotations
