@@ -7,7 +7,8 @@ solve_ivp (DOP853, rtol 1e-9) integrates 0.1 s of one wheel of it, the same syst
 against it.
 
 n_max 30, 500 Hz, the inextensional belt; each tick comes with a speed and a load, or a height, for every wheel. "new
-speed" changes the speed at every tick, "same speed" never. The road is a random walk that keeps the contact.
+speed" changes the speed at every tick, "same speed" never. The road is a random walk that keeps the contact. The rows
+of a sidewall that varies, in its first and second harmonic, couple the belt's harmonics up to a number.
 """
 
 from __future__ import annotations
@@ -42,9 +43,19 @@ UNIT = TireWheelUnit.table_1(
 )
 
 
-def ticked(on_road: bool, same_speed: bool) -> float:
-    """[us] of a tick: samples, steps, and the belts at 50 Hz."""
-    settings = VehicleSettings(UNIT, wheels=WHEELS, joint_names=WHEELS, static_loads=LOADS if on_road else None)
+VARYING = UNIT.replace(radial_nonuniformity=[(1, 0.02, 0.0), (2, 0.01, 0.5)])
+COUPLED = (0, 10, 30)
+
+
+def ticked(on_road: bool, same_speed: bool, coupled: int | None = None) -> float:
+    """[us] of a tick: samples, steps, and the belts at 50 Hz; with ``coupled`` of a sidewall that varies."""
+    settings = VehicleSettings(
+        UNIT if coupled is None else VARYING,
+        wheels=WHEELS,
+        joint_names=WHEELS,
+        static_loads=LOADS if on_road else None,
+        coupled_harmonics=coupled or 0,
+    )
     wheels = Wheels(settings)
     random = np.random.default_rng(1)
     speeds = 60.0 + (0.0 if same_speed else 1.0) * random.uniform(0.0, 1.0, TICKS)
@@ -131,14 +142,20 @@ def main() -> None:
     for same in (True, False):
         name = "same speed" if same else "new speed"
         given, road, one, nine = ([] for _ in range(4))
+        varying: dict[int, list[float]] = {coupled: [] for coupled in COUPLED}
         for _ in range(chosen.repeats):  # in turn, for the machine's sake
             given.append(ticked(False, same))
             road.append(ticked(True, same))
+            for coupled, values in varying.items():
+                values.append(ticked(True, same, coupled))
             one.append(stepped(1, same))
             nine.append(stepped(9, same))
         # several points are not the node's: their step's excess over one point's, on the tick
         several = [tick + more - less for tick, more, less in zip(road, nine, one, strict=True)]
-        for what, values in (("load given", given), ("road, 1 point", road), ("road, 9 points", several)):
+        of_sidewall = [(f"road, varying sidewall, coupled to {coupled}", some) for coupled, some in varying.items()]
+        for what, values in (
+            ("load given", given), ("road, 1 point", road), ("road, 9 points", several), *of_sidewall
+        ):  # fmt: skip
             figures[f"{name}, {what}"] = figure = spread(values)
             rows.append((f"{name}, {what}", shown(figure, ".1f"), f"{min(values) / min(given):.2f}"))
     print_table(("tick of 4 wheels", "us", "of the tick with a given load"), rows)

@@ -501,7 +501,10 @@ def test_the_csv_holds_the_table(folder, name):
     assert header == list(table(name)) and len(set(header)) == len(header)
     numbers = np.array(rows, dtype=float)
     np.testing.assert_allclose(numbers, np.stack(list(table(name).values()), axis=1), rtol=1e-9)  # ten digits
-    assert np.isfinite(numbers).all()
+    known = np.isfinite(numbers)
+    if name == "campbell_contact":  # NaN where no mode is mostly of one harmonic; the modes themselves are all there
+        known = known[:, [k for k, column in enumerate(header) if "_mode_" in column]]
+    assert known.all()
 
 
 @pytest.mark.parametrize("name", FIGURES)

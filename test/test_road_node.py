@@ -18,6 +18,7 @@ from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.parameters import complete
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.replay.replay import replay
+from tire_dynamics.report import theory
 from tire_dynamics.report.gather import gather
 
 MS = 1_000_000
@@ -263,5 +264,35 @@ def test_a_report_of_a_road(tmp_path):
     rpm = round(wheel.critical_speed(unit, contact=True, n_max=4) * 30.0 / math.pi)
     assert f"{rpm:,}".replace(",", "\u202f") in text
     assert "The tires stand on a road" in text and "on the road, in this car" in text
+    for title in ("From road to axle, in contact", "Campbell diagram, in contact", "Stability, in contact"):
+        assert f"<h2>{title}</h2>" in text
+    assert "under a given load</h2>" not in text and "K, the steady share" not in text
     with pytest.raises(InputError, match="stand on a road; errors of parameters"):
         report(log, tmp_path / "errors.html", error=["zeta_1=0.01"], quiet=True)
+
+
+@pytest.mark.parametrize("points", [1, 5])
+def test_the_response_in_a_report_is_that_of_the_road_to_the_axle(tmp_path, points):
+    """White heights: Welch's estimate of what was replayed lies on the closed form in contact, phase and all.
+
+    Sampling folds the bands around multiples of the rate onto each other, each by sinc^2; of several points the closed
+    form has the delays alone, which is right for waves that are longer than the patch: a few percent.
+    """
+    config = tmp_path / "road.yaml"
+    changes = {"n_max": 8, "contact_points": points, "tire.zeta_s": 0.3, "tire.zeta_1": 0.1, "tire.zeta_n": 0.1}
+    config.write_text(json.dumps({"/**": {"ros__parameters": {**ROAD, **changes}}}))
+    with BagWriter(tmp_path / "bag") as writer:
+        speeds = writer.add_topic("/wheel/wheel_speed", messages.FLOAT64)
+        heights = writer.add_topic("/wheel/road_height", messages.FLOAT64)
+        for k, height in enumerate(np.random.default_rng(3).normal(0.0, 2e-4, 10_000).tolist()):
+            now = 10**9 + 2 * MS * k
+            writer.write(speeds, now, now, number(60.0))
+            writer.write(heights, now, now, number(height))
+    replay(tmp_path / "bag", tmp_path / "log", config=config, quiet=True)
+    drive = gather(BagReader(tmp_path / "log"), BagReader(tmp_path / "log"), quiet=True)
+    seen = drive.wheels[0].spectra.transfer()
+    band = (seen.frequency > 5.0) & (seen.frequency < (120.0 if points == 1 else 60.0))  # 60 Hz: four patches long
+    assert (seen.coherence[band] > 0.9).mean() > 0.95
+    expected = theory.road_to_force(drive.unit, 60.0, seen.frequency[band], n_max=8, points=points)
+    error = np.abs(seen.response[band] - expected) / np.abs(expected)
+    assert np.median(error) < 0.03, error

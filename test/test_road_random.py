@@ -1,7 +1,7 @@
 """Random tires on random roads, speeds of either sign, lift-off: steps against DOP853 with events.
 
-At speeds that vary in ring axes (``test_contact_step.OnTheRoad``), where the contact runs around; with a wheel that
-gives fore and aft in the fixed frame, at a constant speed. The error falls with the square of the step.
+At speeds that vary in ring axes (``test_contact_step.OnTheRoad``), where the contact runs around, and in the fixed
+frame, with a wheel that gives fore and aft or is held. The error falls with the square of the step.
 """
 
 from __future__ import annotations
@@ -11,52 +11,88 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from test_contact_step import LOAD, OnTheRoad, some_drive, some_unit
+from test_contact_step import LOAD, OnTheRoad, models, some_drive, some_unit
 from test_road_motion import driven
 
+from tire_dynamics import wheel
 from tire_dynamics.science import contact
+from tire_dynamics.science.coefficients import coefficients
 
 SEEDS = st.integers(0, 2**32 - 1)
 
 
 class InTheFixedFrame:
-    """At a constant speed: z' = A z + push F + weight W, F from the spring while it presses."""
+    """z' = A z + push F + weight W, F from the spring while it presses; A of the speed at the moment.
+
+    Where the speed changes Euler's terms are added: those of ``modes`` for n >= 2 and n = 0, and of the complete n = 1
+    (``wheel_state.change_speed`` has them). There are none in the inextensional n = 1 and the wheel.
+    """
 
     def __init__(self, unit, model, n_max, drive):
-        self.drive = drive
-        self.system = contact.open_system(unit, float(drive.speed[0]), model, n_max)
-        self.start, self.height, self.weight = contact.standing(self.system, LOAD)
+        self.unit, self.model, self.n_max, self.drive = unit, model, n_max, drive
+        self.varies = np.ptp(drive.speed) > 0.0
+        self.first = contact.open_system(unit, float(drive.speed[0]), model, n_max)
+        self.start, self.height, self.weight = contact.standing(self.first, LOAD)
+        self.one = len(wheel.fixed_frame(unit, model).constant)
 
-    def spring(self, t, z, begin):
+    def system(self, t, begin):
+        if not self.varies:
+            return self.first
+        return contact.open_system(self.unit, float(self.drive.at(t, begin)[1]), self.model, self.n_max)
+
+    def euler(self, t, z, begin):
+        _, W, change, _, _ = self.drive.at(t, begin)
+        found, half = np.zeros_like(z), self.one // 2
+        first = self.one + 2 * bool(self.unit.sprung_mass)
+        if self.model == "inextensional":
+            for n in range(2, self.n_max + 1):
+                A, _, C, _ = coefficients(self.unit, n, W)
+                gamma = (C + n * A) / (A + n * C)
+                found[first], found[first + 2] = gamma * change * z[first + 3], -gamma * change * z[first + 1]
+                first += 4
+            return found
+        X, Y, U, V = z[half : half + 4]
+        found[:4] = -change * (Y - U), change * (X + V), -change * (X + V), -change * (Y - U)
+        found[first], found[first + 1] = change * z[first + 3], -change * (z[first + 2] + self.unit.radius)  # n = 0
+        first += 4
+        for _ in range(2, self.n_max + 1):
+            for part in (first, first + 4):
+                found[part], found[part + 1] = change * z[part + 3], -change * z[part + 2]
+            first += 8
+        return found
+
+    def spring(self, t, z, begin, system):
         _, _, _, height, _ = self.drive.at(t, begin)
         rises = (self.drive.at(begin + 1e-4, begin)[3] - self.drive.at(begin, begin)[3]) / 1e-4
-        system = self.system
         pressed = system.stiffness * (self.height + height + system.contact @ z)
         return pressed + system.damping * (rises + system.rate @ z)
 
     def run(self):
         """[axle x, axle z, contact force] at the drive's times, and how often contact was lost or found."""
-        system, z, touching, events = self.system, self.start, True, 0
-        found = [[*system.output @ z, LOAD]]
+        z, touching, events = self.start, True, 0
+        found = [[*self.first.output @ z, LOAD]]
         for begin, end in zip(self.drive.t[:-1], self.drive.t[1:], strict=True):
             t = begin
-            if system.damping:  # whose force jumps with the road's slope
-                touching = self.spring(t, z, begin) > 0.0
+            if self.unit.residual_damping:  # whose force jumps with the road's slope
+                touching = self.spring(t, z, begin, self.system(t, begin)) > 0.0
             while t < end:
 
                 def slope(t, z, begin=begin, touching=touching):
-                    force = self.spring(t, z, begin) if touching else 0.0
-                    return system.matrix @ z + system.push * force + system.weight * self.weight
+                    system = self.system(t, begin)
+                    force = self.spring(t, z, begin, system) if touching else 0.0
+                    rate = system.matrix @ z + system.push * force + system.weight * self.weight
+                    return rate + self.euler(t, z, begin) if self.varies else rate
 
                 def crossing(t, z, begin=begin):
-                    return self.spring(t, z, begin)
+                    return self.spring(t, z, begin, self.system(t, begin))
 
                 crossing.terminal, crossing.direction = True, -1.0 if touching else 1.0
                 part = solve_ivp(slope, (t, end), z, method="DOP853", rtol=1e-10, atol=1e-13, events=crossing)
                 t, z = part.t[-1], part.y[:, -1]
                 if part.status == 1:
                     touching, events = not touching, events + 1
-            found.append([*system.output @ z, self.spring(end, z, begin) if touching else 0.0])
+            system = self.system(end, begin)
+            found.append([*system.output @ z, self.spring(end, z, begin, system) if touching else 0.0])
         return np.array(found), events
 
 
@@ -71,8 +107,10 @@ def check(oracle, seed, varying, changes):
     errors = [
         np.sqrt(((driven(unit, model, n_max, drive, parts) - expected) ** 2).mean(axis=0)) for parts in (8, 32)
     ]
-    # sixteen, but for the next order; a damper's force at a step's end is of the first, that of a mean rate
-    factors = np.array([12.0, 12.0, 3.5 if unit.residual_damping else 12.0])
+    # sixteen, but for the next order; a damper's force at a step's end is of the first, that of a mean rate, and where
+    # contact is found it jumps. With one the axle's error is uneven (a factor of 11, seed 153), and that of the contact
+    # force comes to its 4 late (2.8, 3.1, 3.5 from 8, 16 and 32 parts on, seed 615)
+    factors = np.array([8.0, 8.0, 2.0] if unit.residual_damping else [12.0, 12.0, 12.0])
     floor = 1e-6 * np.abs(expected).max()  # what DOP853 leaves, some 1e-7
     assert (errors[1] <= np.maximum(errors[0] / factors, floor)).all(), (errors, unit, drive.speed, drive.radial)
     assert errors[1].max() < 5e-3 * np.abs(expected).max()
@@ -104,6 +142,25 @@ def test_a_wheel_that_gives_fore_and_aft(seed):
     check(InTheFixedFrame, seed, False, fore_and_aft)
 
 
+@pytest.mark.slow
+@given(seed=SEEDS)
+@settings(max_examples=2)
+def test_a_wheel_that_gives_fore_and_aft_at_speeds_that_vary_and_turn_around(seed):
+    check(InTheFixedFrame, seed, True, fore_and_aft)
+
+
+@pytest.mark.slow
+@models
+def test_the_two_frames_agree_at_a_speed_that_varies(model):
+    """Each by DOP853, on a wheel that is held fore and aft: Euler's terms belong to the fixed frame alone."""
+    random = np.random.default_rng(5)
+    unit, drive = some_unit(random), some_drive(random, True)
+    one, lost = OnTheRoad(unit, model, 2, drive).run()
+    other, found = InTheFixedFrame(unit, model, 2, drive).run()
+    assert lost == found
+    np.testing.assert_allclose(other, one, atol=1e-6 * np.abs(one).max())
+
+
 @pytest.mark.nightly
 @pytest.mark.slow
 @given(seed=SEEDS)
@@ -112,3 +169,4 @@ def test_many_of_both(seed):
     check(OnTheRoad, seed, True, as_it_is)
     check(OnTheRoad, seed, False, as_it_is)
     check(InTheFixedFrame, seed, False, fore_and_aft)
+    check(InTheFixedFrame, seed, True, fore_and_aft)

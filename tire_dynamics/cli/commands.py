@@ -28,6 +28,7 @@ def all_commands() -> Commands:
 def _declare(commands: Commands) -> None:
     from . import (
         answer,
+        campbell,
         compare,
         completion,
         csv_import,
@@ -270,6 +271,19 @@ def _declare(commands: Commands) -> None:
     response.add_arguments(command)
     answer.add_arguments(command)
     command.set_defaults(run=response.run)
+
+    command = commands.add(
+        _MODEL,
+        "campbell",
+        help="frequencies and decay rates over the speed: the Campbell diagram",
+        examples=(
+            ("campbell -o campbell.png", "the tire of the paper, under a given load"),
+            ("campbell --contact --config config/vehicle.yaml --to-rpm 1500 -o road.png", "this one, on the road"),
+        ),
+    )
+    campbell.add_arguments(command)
+    answer.add_arguments(command)
+    command.set_defaults(run=campbell.run)
 
     command = commands.add(
         _MODEL,

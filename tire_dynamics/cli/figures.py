@@ -19,7 +19,7 @@ __all__ = ["FIGURES", "add_arguments", "figures", "run"]
 FIGURES = (
     *("fig3", "fig4", "fig5", "fig6", "fig7a", "fig7b"),
     *("fig6_damping", "fig7_damping", "campbell", "multipliers", "tongues"),
-    *("load_or_road", "cleat", "force_variation", "measured_tire"),
+    *("load_or_road", "campbell_contact", "cleat", "force_variation", "measured_tire"),
 )
 
 

@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed-rpm", metavar="R", type=float, help="the speed [rpm], where it is no axis")
     parser.add_argument("--config", metavar="YAML", help="the fields of one unit, or parameters of the node")
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
-    parser.add_argument("--contact", action="store_true", help="on the road, without lift-off; some 10 ms a point")
+    parser.add_argument("--contact", action="store_true", help="on the road, without lift-off; some 5 ms a point")
     parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
     parser.add_argument("-o", "--output", metavar="PNG", required=True, help="the picture to write")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")

@@ -18,7 +18,7 @@ from ..science.nonuniform import CombinationResonance
 from ..science.ring import CONTACT_ANGLE
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .measured_tire import draw as measured_tire  # noqa: F401 - looked up here by name
-from .road_drawings import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
+from .road_drawings import campbell_contact, cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 from .tables import (
     BELT_MODELS,
     CAMPBELL_MODES,

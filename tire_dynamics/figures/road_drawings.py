@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from .road_tables import CAUSES, CLEAT, CLEAT_SPEED, MOUNTS, SNAPSHOTS, Table, road_unit
+from .campbell_diagram import draw, from_table
+from .road_tables import CAMPBELL_HIGHEST, CAUSES, CLEAT, CLEAT_SPEED, MOUNTS, SNAPSHOTS, Table, road_unit
 
-__all__ = ["cleat", "force_variation", "load_or_road"]
+__all__ = ["campbell_contact", "cleat", "force_variation", "load_or_road"]
 
 WIDTH = 6.6  # of every figure [in]
 BLACK, BLUE, ORANGE = "0", "#0b4f9e", "#c85200"
@@ -88,3 +89,9 @@ def force_variation(table: Table) -> Figure:
     axes[0].set_ylabel("First harmonic of the\naxle force, peak to peak [N]")
     axes[-1].legend(loc="upper left", fontsize=7.0, handlelength=2.2)
     return figure
+
+
+def campbell_contact(table: Table) -> Figure:
+    """Frequencies and decay rates over speed of the tire on the road."""
+    unit = road_unit()
+    return draw([from_table(table, unit, model, n_max, f"{model}_") for model, n_max in CAMPBELL_HIGHEST.items()])

@@ -14,8 +14,21 @@ from ..estimator.road_constants import on_the_road, under_the_belt
 from ..estimator.road_motion import RoadMotion
 from ..science import contact, road, wheel
 from ..science.unit import TireWheelUnit
+from ..science.wheel_matrices import Model
+from .campbell_diagram import diagram
 
-__all__ = ["CAUSES", "CLEAT", "MOUNTS", "SNAPSHOTS", "cleat", "force_variation", "load_or_road", "road_unit"]
+__all__ = [
+    "CAMPBELL_HIGHEST",
+    "CAUSES",
+    "CLEAT",
+    "MOUNTS",
+    "SNAPSHOTS",
+    "campbell_contact",
+    "cleat",
+    "force_variation",
+    "load_or_road",
+    "road_unit",
+]
 
 FloatArray = NDArray[np.float64]
 Table = dict[str, FloatArray]
@@ -31,6 +44,7 @@ CAUSES: Final[dict[str, dict[str, Any]]] = {
     "imbalance": {"imbalance_mass": 0.02},
 }
 MOUNTS: Final = ("machine", "car")
+CAMPBELL_HIGHEST: Final[dict[Model, int]] = {"inextensional": 30, "complete": 15}  # belt harmonics of the diagram
 
 
 def road_unit() -> TireWheelUnit:
@@ -100,4 +114,17 @@ def force_variation() -> Table:
         for mount in MOUNTS:
             some = [contact.force_variation(nonuniform, v / 3.6 / unit.radius, LOAD, n_max=8, mount=mount) for v in kmh]
             table[f"{cause}_{mount}_N"] = np.array([2.0 * abs(each.axle[0]) for each in some])
+    return table
+
+
+def campbell_contact() -> Table:
+    """Damped frequencies in the fixed frame and decay rates over speed on the road, of both models.
+
+    Named are motions of which one harmonic has a third or more; ``mode_k`` are all there are, from the slowest on.
+    """
+    speed = np.linspace(0.0, 3000.0, 181)
+    table: Table = {"speed_rpm": speed}
+    for model, n_max in CAMPBELL_HIGHEST.items():
+        found = diagram(road_unit(), speed * math.pi / 30.0, (2, 3, 4), model, contact=True, n_max=n_max)
+        table |= {f"{model}_{name}": column for name, column in found.table.items() if name != "speed_rpm"}
     return table

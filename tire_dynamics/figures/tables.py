@@ -28,7 +28,7 @@ from ..science.nonuniform import (
 )
 from ..science.unit import MODAL, REACTION, TireWheelUnit
 from .measured_tire import table as measured_tire  # noqa: F401 - looked up here by name
-from .road_tables import cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
+from .road_tables import campbell_contact, cleat, force_variation, load_or_road  # noqa: F401 - looked up here by name
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

@@ -23,6 +23,7 @@ __all__ = [
     "Intervals",
     "Moment",
     "Moments",
+    "NewestInput",
     "Orders",
     "Spectra",
     "Transfer",
@@ -239,6 +240,28 @@ class HeldInput:
 
 
 # -- what repeats with the turn of the wheel ----------------------------------------------------------------------
+
+
+class NewestInput:
+    """The newest sample of an input at each tick."""
+
+    def __init__(self) -> None:
+        self._time, self._value = np.empty(0), np.empty(0)
+
+    def add(self, time: FloatArray, value: FloatArray) -> None:
+        """Take samples, from the times on at which they act."""
+        times, values = np.concatenate([self._time, time]), np.concatenate([self._value, value])
+        order = np.argsort(times, kind="stable")
+        self._time, self._value = times[order], values[order]
+
+    def at(self, tick: FloatArray) -> FloatArray:
+        """Values at ascending ticks, after which none earlier are asked for; NaN before the first sample."""
+        place = np.searchsorted(self._time, tick, side="right") - 1
+        found = np.where(place >= 0, self._value[place], math.nan) if self._time.size else np.full(tick.size, math.nan)
+        if tick.size:
+            kept = max(int(place[-1]), 0)
+            self._time, self._value = self._time[kept:], self._value[kept:]
+        return found
 
 
 class WheelAngle:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..cdr import messages
 from ..science.uniformity import OrderSums
 from .gather import CURVES, Drive, Wheel, WheelHarmonics
-from .theory import RPM, Bands, load_to_force, response_range, steady
+from .theory import RPM, Bands, load_to_force, response_range, road_to_force, steady
 from .traces import (
     BAND,
     ERRORS,
@@ -75,24 +75,25 @@ def _broken(time: NDArray[Any], value: NDArray[Any], wheel: Wheel) -> tuple[NDAr
 
 
 def spectra_figure(drive: Drive, band: Bands | None = None) -> Figure:
-    """The force on the axle over the load, seen and computed; its phase, the coherence, and both spectra."""
-    model, unit = drive.parameters["model"], drive.unit
-    titles = ("F' over load [-]", "Phase [deg]", "Coherence [-]", "Density [N\u00b2/Hz]")
+    """The force on the axle over the load, or the road, seen and computed; its phase, the coherence, and spectra."""
+    model, unit, modes = drive.parameters["model"], drive.unit, drive.contact_modes
+    what = "F' over load [-]" if modes is None else "F' over road [N/m]"
+    titles = (what, "Phase [deg]", "Coherence [-]", "Density [N\u00b2/Hz]")
     models: list[Figure] = []  # on top of what was seen
     traces = [
         legend_entry("seen in the data", "data", "solid", 2.2),
         legend_entry("linear response at the mean speed", "model", "dash", 1.4),
         legend_entry("its range over the driven speeds", "range", "solid", 9, BAND),
-        legend_entry("K, steady, closed form", "K", "dot", 1.4),
-        legend_entry("spectrum of the load", "load", "dot", 1.4),
+        *([legend_entry("K, steady, closed form", "K", "dot", 1.4)] if modes is None else []),
+        legend_entry("spectrum of the load" if modes is None else "spectrum of the contact force", "load", "dot", 1.4),
         legend_entry("spectrum of the axle force", "data", "solid", 2.2, shown=False),
     ]
     if band is not None:
         traces.insert(3, legend_entry("5 to 95 % within the errors of the parameters", "errors", "solid", 9, ERRORS))
     lowest, highest = math.inf, 0.0
     for index, wheel in enumerate(drive.wheels):
-        seen = wheel.spectra.transfer()
-        if seen is None:
+        seen, load = wheel.spectra.transfer(), wheel.of_load.transfer()
+        if seen is None or load is None:
             continue
         colour, below = wheel_colour(index), seen.frequency <= IMAGES * wheel.spectra.rate
         f, gain, phase, coherence = (
@@ -100,25 +101,35 @@ def spectra_figure(drive: Drive, band: Bands | None = None) -> Figure:
         )
         f_line = np.geomspace(f[0], f[-1], 300)
         mean, wide = wheel.mean_speed, wheel.numbers["speed"]
-        computed = load_to_force(unit, mean, f_line, model)
-        low, high = response_range(unit, wide.low, wide.high, f_line, model)
+
+        def response(speed: Any, f: Any = f_line) -> Any:
+            if modes is None:
+                return load_to_force(unit, speed, f, model)
+            return road_to_force(unit, speed, f, model, modes, drive.parameters["contact_points"])
+
+        computed = response(mean)
+        low, high = response_range(response, wide.low, wide.high)
         gain = np.where(coherence >= COHERENT, gain, math.nan)
         phase = np.where(coherence >= COHERENT, np.degrees(phase), math.nan)
-        K = steady(unit, mean, model)
         hidden = {"hoverinfo": "skip"}
         traces.append(filled(f_line, (low, high), BAND, wheel.name, index, "range"))
         if band is not None:
             traces.append(filled(band.frequency, band.response[::2, index], ERRORS, wheel.name, index))
+        if modes is None:
+            K = steady(unit, mean, model)
+            traces.append(
+                line(f[[0, -1]], [K, K], colour, wheel.name, wheel=index, group="K", width=1.2, dash="dot")
+                | {"hovertemplate": f"K = %{{y:.4f}}<extra>{wheel.name}</extra>"}
+            )
+        below_load = load.frequency <= IMAGES * wheel.spectra.rate
         traces += [
-            line(f[[0, -1]], [K, K], colour, wheel.name, wheel=index, group="K", width=1.2, dash="dot")
-            | {"hovertemplate": f"K = %{{y:.4f}}<extra>{wheel.name}</extra>"},
             line(f, gain, colour, wheel.name, wheel=index, group="data", width=2.6)
             | {"hovertemplate": f"%{{y:.3g}} at %{{x:.3g}} Hz<extra>{wheel.name}</extra>"},
             line(f, phase, colour, wheel.name, 1, index, "data", 2.6)
             | {"hovertemplate": f"%{{y:.0f}} deg at %{{x:.3g}} Hz<extra>{wheel.name}</extra>"},
             line(f, coherence, colour, wheel.name, 2, index, "data", 2.0)
             | {"hovertemplate": f"%{{y:.3f}} at %{{x:.3g}} Hz<extra>{wheel.name}</extra>"},
-            line(f, seen.input[below], colour, wheel.name, 3, index, "load", 1.3, "dot")
+            line(load.frequency[below_load], load.input[below_load], colour, wheel.name, 3, index, "load", 1.3, "dot")
             | {"hovertemplate": f"%{{y:.3g}} N\u00b2/Hz at %{{x:.3g}} Hz<extra>{wheel.name}, load</extra>"},
             line(f, seen.output[below], colour, wheel.name, 3, index, "data", 2.0)
             | {"hovertemplate": f"%{{y:.3g}} N\u00b2/Hz at %{{x:.3g}} Hz<extra>{wheel.name}, axle</extra>"},

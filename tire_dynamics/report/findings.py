@@ -215,8 +215,9 @@ def _setting(drive: Drive) -> list[Finding]:
         text += "axle forward with no traction at all. For a vehicle use reaction."
         found.append(Finding("note", text))
     if drive.on_road:
-        text = "The tires stand on a road: loads are the contact's, an outcome, and the verdict and critical speed are "
-        text += "those in contact; response, Campbell diagram and map are those of the tire under a given load."
+        text = "The tires stand on a road: loads are the contact's, an outcome. Verdict, critical speed, response, "
+        text += "Campbell diagram and map are those in contact, without lift-off, with the belt's harmonics to "
+        text += f"{drive.contact_modes}."
         found.append(Finding("note", text))
     if drive.load_source == "estimate":
         words = [_SOURCES[name] for name in reversed(drive.sources)]

@@ -31,6 +31,7 @@ from .analysis import (
     Intervals,
     Moment,
     Moments,
+    NewestInput,
     Orders,
     Spectra,
     WheelAngle,
@@ -47,6 +48,7 @@ CURVES = ("load_z", "axle_z", "load_x", "axle_x", "speed")
 BUCKETS, ALL_BUCKETS = 3000, 12_000  # of a curve; of a curve of all wheels together
 BEFORE, AFTER = 0.35, 0.65  # [s] that are kept in full around the highest load
 BEYOND = 1e15  # [N]: no force of an estimator, which marks itself diverged long before; a stranger's log may have any
+MOST_MODES = 30  # belt harmonics on the road: more move nothing that is shown, and take as long as their cube
 MOST_GAPS = 1000  # of each wheel that are listed one by one
 ROLLING = 1.0  # [rad/s]: a slower wheel stands, and would count for what it stands on
 
@@ -91,15 +93,22 @@ class WheelHarmonics(NamedTuple):
 
 
 class Wheel:
-    """One wheel through a drive. Forces in N, REP 103 axes; speed in rad/s; times in s."""
+    """One wheel through a drive. Forces in N, REP 103 axes; speed in rad/s; times in s.
 
-    def __init__(self, name: str, duration: float, rate: float, buckets: int, timeout: float) -> None:
+    ``spectra`` are from the load to the axle force z, on the road from its height; ``of_load`` always from the load.
+    """
+
+    def __init__(
+        self, name: str, duration: float, rate: float, buckets: int, timeout: float, *, on_road: bool = False
+    ) -> None:
         self.name = name
         self.curves = {curve: Envelope(0.0, duration, buckets) for curve in CURVES}
         self.numbers = {curve: Moments() for curve in CURVES}
         self.deviations = Moments()  # of the load, where it is estimated: its stated standard deviation [N]
         self.speeds: Counter[int] = Counter()  # samples by speed, to 1 rad/s
-        self.spectra = Spectra(rate, segment_length(rate, duration))
+        self.spectra = Spectra(rate, segment_length(rate, duration), first_order_hold=on_road)
+        self.of_load = Spectra(rate, segment_length(rate, duration)) if on_road else self.spectra
+        self._heights = NewestInput() if on_road else None
         self.moment = Moment(BEFORE, AFTER, [np.float64, np.float64, object])  # load, axle force z, belts
         self.outputs = self.unusable = 0
         self.gaps: list[tuple[float, float]] = []
@@ -116,6 +125,11 @@ class Wheel:
         for curve, values in (("load_z", load), ("load_x", traction)):
             self.curves[curve].add(acts, values)
             self.numbers[curve].add(values)
+
+    def take_heights(self, acts: FloatArray, height: FloatArray) -> None:
+        """Take the road's heights [m], from the times on at which they act."""
+        if self._heights is not None:
+            self._heights.add(acts, height)
 
     def take_speeds(self, time: FloatArray, speed: FloatArray, stamp: FloatArray, position: FloatArray) -> None:
         """Take speeds and, unless NaN, angles: from the times on at which they act, and the times that they are of."""
@@ -143,7 +157,11 @@ class Wheel:
         z = np.concatenate([[math.nan if self._before is None else self._before[1]], force[:, 1]])
         self.intervals.add(np.diff(at)[np.isfinite(np.diff(at))])
         usable = np.isfinite(mean) & np.isfinite(at[:-1])
-        self.spectra.add(at[:-1][usable], mean[usable], z[:-1][usable])
+        self.of_load.add(at[:-1][usable], mean[usable], z[:-1][usable])
+        if self._heights is not None:
+            height = self._heights.at(tick)  # to which the road has come by then
+            known = np.isfinite(height)
+            self.spectra.add(tick[known], height[known], force[known, 1])
         for begin, end in gaps(at[np.isfinite(at)], 1.5 / self.spectra.rate).tolist():
             self.missing += end - begin - 1.0 / self.spectra.rate
             if len(self.gaps) < MOST_GAPS:
@@ -239,8 +257,8 @@ class Drive:
 
     @property
     def contact_modes(self) -> int | None:
-        """Highest belt harmonic of the tire on the road; None under given loads."""
-        return int(self.parameters["n_max"]) if self.on_road else None
+        """Highest belt harmonic of the tire on the road, at most ``MOST_MODES``; None under given loads."""
+        return min(int(self.parameters["n_max"]), MOST_MODES) if self.on_road else None
 
 
 def has_outputs(reader: BagReader) -> bool:
@@ -318,7 +336,8 @@ class _Reading:
         wheels = self.parameters["wheels"]
         buckets = max(100, min(BUCKETS, ALL_BUCKETS // len(wheels)))
         timeout = self.parameters["input_timeout_s"]
-        self.wheels = [Wheel(wheel, self.duration, self.parameters["rate_hz"], buckets, timeout) for wheel in wheels]
+        rate, on_road = self.parameters["rate_hz"], self.parameters["load_source"] == "road"
+        self.wheels = [Wheel(wheel, self.duration, rate, buckets, timeout, on_road=on_road) for wheel in wheels]
         self.inputs = {
             relative: Input(self.names[relative], kind)
             for relative, kind in fixed_inputs(self.parameters).items()
@@ -473,6 +492,11 @@ class _Reading:
         if topic in self._fixed:  # it is counted, and its speeds are taken, as what it is without the map
             return
         valid, stamp, acts = self._accepted(topic, block, place, samples.valid, samples.stamp)
+        for k, wheel in enumerate(self.wheels):
+            if "road_height" in samples.values:
+                heights = samples.values["road_height"][:, k]
+                there = valid & np.isfinite(heights)
+                wheel.take_heights(self._seconds(acts[there]), heights[there])
         none = np.full((place.size, len(self.wheels)), math.nan)
         speeds, angles = (samples.values.get(name, none) for name in ("speed", "angle"))
         loads, tractions = (samples.values.get(name, none) for name in ("load", "traction"))
@@ -536,12 +560,13 @@ class _Reading:
         return acts_s, load
 
     def _take_contact(self, wheel: Wheel, block: Block, of: Any) -> tuple[FloatArray, FloatArray]:
-        """The same on the road, where loads are an output; its heights are counted."""
+        """The same on the road, where loads are an output; its heights are taken and counted."""
         place = of(name := f"{wheel.name}/road_height")
         if name in self.inputs and place.size:
             valid, height = messages.decode_float64s(block.data, block.start[place], block.size[place])
-            valid, _, _ = self._accepted(name, block, place, valid, block.log_time[place])
-            self._refused(name, "not finite", valid, ~np.isfinite(height))
+            valid, _, acts = self._accepted(name, block, place, valid, block.log_time[place])
+            valid = self._refused(name, "not finite", valid, ~np.isfinite(height))
+            wheel.take_heights(self._seconds(acts[valid]), height[valid])
         return self._take_output(wheel, block, of(f"{wheel.name}/contact_load"))
 
     def _take_estimate(self, wheel: Wheel, block: Block, of: Any) -> tuple[FloatArray, FloatArray]:

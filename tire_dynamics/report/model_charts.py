@@ -22,15 +22,21 @@ _MODES = {
     "n_2_backward": ("n = 2 backward", "$line3", "dash"),
     "n_2_forward": ("n = 2 forward", "$line3", "dashdot"),
     "n_3_backward": ("n = 3 backward", "$line4", "dash"),
+    "body": ("body", "$line5", "solid"),
+    "wheel_fore_aft": ("wheel fore-aft", "$line6", "solid"),
     "n_3_forward": ("n = 3 forward", "$line4", "dashdot"),
 }
 
 
 def campbell_figure(drive: Drive, highest: float) -> Figure:
     """Frequencies and decay rates over speed, with the driven speeds."""
-    diagram = campbell(drive.unit, max(1.5 * highest, 1000.0 * RPM), drive.parameters["model"])
+    fastest = max(1.5 * highest, 1000.0 * RPM)
+    diagram = campbell(drive.unit, fastest, drive.parameters["model"], drive.contact_modes)
     rpm = diagram.speed / RPM
+    top = 1.15 * max(float(np.nanmax(value)) for value in diagram.frequency.values())
     traces = []
+    if diagram.every is not None:
+        traces += _all_modes(rpm, *diagram.every, top)
     for name, frequency in diagram.frequency.items():
         label, colour, dash = _MODES[name]
         for row, (value, unit) in enumerate(((frequency, "Hz"), (diagram.decay[name], "1/s"))):
@@ -39,7 +45,6 @@ def campbell_figure(drive: Drive, highest: float) -> Figure:
                 | {"hovertemplate": f"%{{y:.1f}} {unit} at %{{x:.0f}} rpm<extra>{label}</extra>"}
                 | {"showlegend": row == 0}
             )
-    top = 1.15 * max(float(value.max()) for value in diagram.frequency.values())
     ends = rpm[[0, -1]]
     for order in (1, 2, 3, 4):
         traces.append(
@@ -60,6 +65,16 @@ def campbell_figure(drive: Drive, highest: float) -> Figure:
         | {"text": "driven", "font": {"color": SOFT, "size": 12}}
     ]
     return {"data": traces, "layout": layout}
+
+
+def _all_modes(rpm: Any, frequency: Any, decay: Any, top: float) -> list[Figure]:
+    """All modes on the road as points."""
+    row, mode = np.nonzero(frequency < top)
+    look = {"mode": "markers", "marker": {"size": 2.5, "color": SOFT}, "hoverinfo": "skip"}
+    return [
+        line(rpm[row], values[row, mode], SOFT, "all modes", place, group="every") | look | {"showlegend": place == 0}
+        for place, values in enumerate((frequency, decay))
+    ]
 
 
 def _driven(wheels: Iterable[Wheel]) -> tuple[float, float]:

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from .. import __version__
-from ..science import wheel as tire_and_wheel
 from .charts import (
     IMAGES,
     belts,
@@ -35,7 +34,7 @@ from .tables import (
     without_angle,
     without_harmonics,
 )
-from .theory import RPM, Bands, Errors, bands, stability_around
+from .theory import DIAGRAM_MODES, RPM, Bands, Errors, bands, stability_around
 from .traces import COLOURS
 
 __all__ = ["page"]
@@ -46,10 +45,8 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
     from plotly.offline import get_plotlyjs
 
     highest = max((wheel.highest_speed for wheel in drive.wheels), default=0.0)
-    stability, of_map = stability_around(drive.unit, highest, drive.parameters["model"])
-    critical = of_map
-    if (modes := drive.contact_modes) is not None:
-        critical = tire_and_wheel.critical_speed(drive.unit.mean, drive.parameters["model"], contact=True, n_max=modes)
+    modes = drive.contact_modes
+    stability, critical = stability_around(drive.unit, highest, drive.parameters["model"], modes)
     band = None if known is None else _bands(drive, known, highest)
     found = summary(drive, critical, known, band)
     belt, exaggeration = belts(drive)
@@ -58,7 +55,7 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         "spectra": spectra_figure(drive, band),
         "moment": moment_figure(drive),
         "campbell": campbell_figure(drive, highest),
-        "stability": stability_figure(drive, stability, of_map, band),
+        "stability": stability_figure(drive, stability, critical, band),
         "coverage": coverage_figure(drive),
     }
     if band is not None and np.ptp(band.steady, axis=0).max() > 1e-6:  # reaction damping has K = 1, whatever the rest
@@ -87,6 +84,8 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         without_angle=without_angle(drive, harmonics),
         exaggeration=number(exaggeration),
         load_source=drive.load_source,
+        modes=modes,
+        diagram_modes=None if modes is None else min(modes, DIAGRAM_MODES),
         damping=drive.parameters["tire.sidewall_damping"],
         zeta=f"{drive.unit.zeta_1:g}",
         version=__version__,

@@ -1,12 +1,13 @@
 """What the model says about a tire, as arrays for the report's charts. Speeds in rad/s, frequencies in Hz.
 
-Of a tire that is not uniform all but the verdict is its mean's.
+Of a tire that is not uniform all but the verdict is its mean's. On the road, without lift-off, where a highest belt
+harmonic is given.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import lru_cache
 from typing import Any, NamedTuple
 
@@ -15,13 +16,15 @@ from numpy.typing import NDArray
 
 from ..files.errors import InputError
 from ..science import uncertainty, wheel
-from ..science.campbell import campbell_exponents
+from ..science.campbell import campbell_exponents, contact_modes, jumps
+from ..science.contact_points import ContactPoints
 from ..science.floquet import VERDICTS, Verdict
 from ..science.maps import StabilityMap
 from ..science.response import frequency_response
 from ..science.unit import TireWheelUnit
 
 __all__ = [
+    "DIAGRAM_MODES",
     "CAMPBELL_WAVES",
     "Bands",
     "Campbell",
@@ -30,6 +33,7 @@ __all__ = [
     "campbell",
     "load_to_force",
     "response_range",
+    "road_to_force",
     "stability_around",
     "steady",
     "verdict_of",
@@ -38,7 +42,10 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
+Range = tuple[FloatArray, FloatArray]
+
 CAMPBELL_WAVES = (2, 3)
+DIAGRAM_MODES = 15  # belt harmonics of diagram and map on the road, at most: 30 move the critical speed by 0.1 %
 RPM = math.pi / 30.0
 
 
@@ -52,6 +59,36 @@ def load_to_force(
         return np.full((*np.shape(speed), frequency.size), math.nan + 0j)
 
 
+def road_to_force(
+    unit: TireWheelUnit,
+    speed: FloatArray | float,
+    frequency: FloatArray,
+    model: wheel.Model = "inextensional",
+    n_max: int = 30,
+    points: int = 1,
+) -> ComplexArray:
+    """Vertical axle force per metre of road at constant speeds (...), shape (..., N); NaN if it has no bound.
+
+    With several points the height is that under the foremost one, and each has it when the wheel has brought it there:
+    the response of one patch times the mean of the delays. That is right where waves are longer than the patch; the
+    belt itself evens out shorter ones.
+    """
+    try:
+        response = frequency_response(unit, speed, frequency, model, input="road", n_max=n_max)[..., 1, 0]
+    except ValueError:
+        return np.full((*np.shape(speed), frequency.size), math.nan + 0j)
+    if points > 1:
+        places = ContactPoints(unit.mean, points, model, n_max)
+        edge = math.sin(float(places.angles.max()))
+        spin = np.abs(np.asarray(speed, dtype=np.float64))[..., None]
+        felt = np.zeros(np.broadcast_shapes(spin.shape, frequency.shape), dtype=np.complex128)
+        for angle, share in zip(places.angles.tolist(), places.share.tolist(), strict=True):
+            behind = np.divide(edge - math.sin(angle), spin, out=np.zeros_like(spin), where=spin > 0.0)
+            felt += share * np.exp(-2j * math.pi * frequency * behind)
+        response = response * felt
+    return response
+
+
 def steady(unit: TireWheelUnit, speed: FloatArray | float, model: wheel.Model = "inextensional") -> Any:
     """K = F'/F of a constant load at speeds: the closed form where it holds, else :func:`load_to_force` at 0 Hz."""
     if model == "inextensional" and unit.contact_half_angle == 0.0:
@@ -59,11 +96,9 @@ def steady(unit: TireWheelUnit, speed: FloatArray | float, model: wheel.Model = 
     return np.abs(load_to_force(unit, speed, np.zeros(1), model))[..., 0]
 
 
-def response_range(
-    unit: TireWheelUnit, low: float, high: float, frequency: FloatArray, model: wheel.Model = "inextensional"
-) -> tuple[FloatArray, FloatArray]:
-    """Least and greatest modulus of :func:`load_to_force` at 17 speeds from low to high; shapes (N,)."""
-    gain = np.abs(load_to_force(unit, np.linspace(low, high, 17), frequency, model))
+def response_range(response: Callable[[FloatArray], ComplexArray], low: float, high: float) -> Range:
+    """Least and greatest modulus of a response of speeds at 17 speeds from low to high; shapes (N,)."""
+    gain = np.abs(response(np.linspace(low, high, 17)))
     return gain.min(axis=0), gain.max(axis=0)
 
 
@@ -135,29 +170,54 @@ def _verdict(unit: TireWheelUnit, speed: float, model: wheel.Model, contact: int
 
 
 class Campbell(NamedTuple):
-    """Frequencies [Hz] and decay rates [1/s] seen from the axle, over speeds (S,): arrays (S,) by the motion's name."""
+    """Frequencies [Hz] and decay rates [1/s] seen from the axle, over speeds (S,): arrays (S,) by the motion's name.
+
+    A motion is NaN where it is none, on the road, and after each place where its name goes over to another mode.
+    ``every`` has frequencies and decay rates of all modes there (S, K).
+    """
 
     speed: FloatArray
     frequency: dict[str, FloatArray]
     decay: dict[str, FloatArray]
+    every: tuple[FloatArray, FloatArray] | None
 
 
-def campbell(unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional") -> Campbell:
+def campbell(
+    unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional", n_max: int | None = None
+) -> Campbell:
     """Ring and wheel (n = 1) and the waves of ``CAMPBELL_WAVES``, from standstill to a speed."""
     speeds = np.linspace(0.0, highest, 161)
-    wheel_modes, waves = campbell_exponents(unit, speeds, CAMPBELL_WAVES, model)
+    every, modes = None, None
+    numbers: tuple[int, ...] = CAMPBELL_WAVES
+    if n_max is not None:
+        n_max = min(n_max, DIAGRAM_MODES)
+        modes = contact_modes(unit, speeds, model, n_max)
+        every = modes.exponents.imag / (2.0 * math.pi), -modes.exponents.real
+        numbers = tuple(n for n in CAMPBELL_WAVES if n <= n_max)
+    contact: Any = {} if modes is None else {"contact": modes, "n_max": n_max}
+    wheel_modes, waves = campbell_exponents(unit, speeds, numbers, model, **contact)
     exponents = wheel_modes | {f"n_{n}_{wave}": column for (n, wave), column in waves.items()}
     frequency = {name: np.abs(column.imag) / (2.0 * math.pi) for name, column in exponents.items()}
-    return Campbell(speeds, frequency, {name: -column.real for name, column in exponents.items()})
+    decay = {name: -column.real for name, column in exponents.items()}
+    if modes is not None:
+        for name in frequency:
+            number = int(name.split("_")[1]) if name.startswith("n_") else 1
+            broken = np.append(jumps(speeds, frequency[name], number), False)
+            frequency[name], decay[name] = (np.where(broken, math.nan, some[name]) for some in (frequency, decay))
+    return Campbell(speeds, frequency, decay, every)
 
 
 def stability_around(
-    unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional"
+    unit: TireWheelUnit, highest: float, model: wheel.Model = "inextensional", n_max: int | None = None
 ) -> tuple[StabilityMap, float | None]:
     """A map over speed and zeta_1 around a unit and the highest speed driven, and its critical speed [rad/s]."""
     unit = unit.mean
-    critical = wheel.critical_speed(unit, model)
+    contact: Any = {} if n_max is None else {"contact": True, "n_max": n_max}
+    critical = wheel.critical_speed(unit, model, **contact)
     top = max(2.5 * highest, 3.0 * (critical or 0.0), 3000.0 * RPM)
-    speeds = np.geomspace(60.0 * RPM, top, 140)
-    damping = np.linspace(0.005, max(0.25, min(0.95, 2.0 * unit.zeta_1)), 70)
-    return wheel.stability_map(unit, ("speed", speeds), ("zeta_1", damping), model=model), critical
+    points = (140, 70) if n_max is None else (64, 32)  # on the road each takes 1.5 ms
+    speeds = np.geomspace(60.0 * RPM, top, points[0])
+    damping = np.linspace(0.005, max(0.25, min(0.95, 2.0 * unit.zeta_1)), points[1])
+    if n_max is not None:
+        contact["n_max"] = min(n_max, DIAGRAM_MODES)
+    return wheel.stability_map(unit, ("speed", speeds), ("zeta_1", damping), model=model, **contact), critical

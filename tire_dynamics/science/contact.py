@@ -99,12 +99,12 @@ class ContactSystem(NamedTuple):
                 return matrix
             return matrix + np.outer(self.push, self.stiffness * self.contact + self.damping * rate)
         moves = self.rate
-        basis = self._basis
+        basis = self.basis
         return np.asarray(basis.T @ (matrix - np.outer(self.push, moves @ matrix) / (moves @ self.push)) @ basis)
 
     @property
-    def _basis(self) -> FloatArray:
-        """An orthonormal basis, shape (n, n - 2), of the states with u_c = u_c' = 0."""
+    def basis(self) -> FloatArray:
+        """An orthonormal basis, shape (n, n - 2), of the states with u_c = u_c' = 0: a rigid tread leaves these."""
         rows = np.stack([self.contact / np.abs(self.contact).max(), self.rate / np.abs(self.rate).max()])
         basis: FloatArray = np.linalg.svd(rows)[2][2:].T
         return basis

@@ -52,10 +52,15 @@ class Spectra:
     zero_order_hold : bool
         Whether the input is held between the samples of the output, and given as its mean over that time; else its
         samples are those of a smooth curve.
+    first_order_hold : bool
+        Whether the input goes along lines between its samples, which are at the times of the output's.
     """
 
-    def __init__(self, rate: float, length: int, *, zero_order_hold: bool = True) -> None:
-        self.rate, self.length, self.zero_order_hold = rate, length, zero_order_hold
+    def __init__(
+        self, rate: float, length: int, *, zero_order_hold: bool = True, first_order_hold: bool = False
+    ) -> None:
+        self.rate, self.length = rate, length
+        self.zero_order_hold, self.first_order_hold = zero_order_hold and not first_order_hold, first_order_hold
         self._u, self._y = np.empty(0), np.empty(0)
         self._time: float | None = None  # of the last sample
         self._sums = np.zeros((4, length // 2 + 1), np.complex128)
@@ -115,8 +120,8 @@ class Spectra:
         Notes
         -----
         An input that is held from sample to sample reaches the system through a filter of its own, sinc(f/rate)
-        exp(-i pi f/rate), and so does its mean between samples, to within the images above half the rate. The
-        response is divided by it. Samples of a smooth curve need nothing.
+        exp(-i pi f/rate), and so does its mean between samples, to within the images above half the rate; one that goes
+        along lines through sinc^2(f/rate). The response is divided by it. Samples of a smooth curve need nothing.
         """
         self._average()
         if not self.segments:
@@ -124,8 +129,11 @@ class Spectra:
         frequency = np.arange(1, self.length // 2 + 1, dtype=np.float64) * (self.rate / self.length)
         uu, yy, uy = (row[1:] / self.segments for row in self._sums[:3])
         uu, yy = uu.real, yy.real
-        through = frequency / self.rate if self.zero_order_hold else np.zeros(1)
-        hold = np.sinc(through) * np.exp(-1j * math.pi * through)
+        hold: ComplexArray = np.ones(1, dtype=np.complex128)
+        if self.zero_order_hold:
+            hold = np.sinc(frequency / self.rate) * np.exp(-1j * math.pi * frequency / self.rate)
+        elif self.first_order_hold:
+            hold = np.asarray(np.sinc(frequency / self.rate) ** 2, dtype=np.complex128)
         with np.errstate(divide="ignore", invalid="ignore"):
             response = np.where(uu > 0.0, uy / uu, math.nan) / hold
             coherence = np.where(uu * yy > 0.0, np.abs(uy) ** 2 / (uu * yy), 0.0)
