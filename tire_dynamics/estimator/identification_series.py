@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from scipy import linalg, optimize, signal
 from ..science import wheel
 from ..science.interpolation import smooth_curve
 from ..science.spectra import Spectra, Transfer
+from .identification_noise import LONGEST, Noise, autoregression, autoregression_with, power_of
 from .identification_problem import DIFFERENCE, OUTPUT_DEGREE, Identification, Problem, Section, Seen, median
 
 __all__ = [
@@ -22,19 +22,12 @@ __all__ = [
 FloatArray = NDArray[np.float64]
 
 _NEARBY = 0.02  # [s]: how far the time series may move the delay
-_ORDERS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)  # of the noise's autoregression
+_PASSED = 0.128  # [s] of the autoregression where noise of the load is a part of it: the wheel's hop stands in that
 _MOST_GAIN = 2.0  # of its logarithm, either way
 _BLOCK = 0.5  # [s] over which the residual's pull at the estimates is summed
 _LINES = 4  # of a spectrum, taken together
 _KNOWN_NOISE = 0.2  # share of its effect that remains unsure of a noise whose size was said, to a tenth
 _CALLS = (6, 10, 25, 25, 25)  # of the model by turns of fit and noise: the first are for the noise's sake
-
-
-class _Noise(NamedTuple):
-    """An autoregression e_k = sum_j a_j e_(k-j) + white of this deviation."""
-
-    coefficients: FloatArray
-    deviation: float
 
 
 class _Coordinates:
@@ -100,6 +93,7 @@ class _Series:
         ends = np.cumsum([part.stop - part.start for part in self.parts])[:-1]
         edges = np.unique(np.concatenate([[0], cuts, ends, [self.time.size]]))
         self.runs = [slice(a, b) for a, b in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True)]
+        self.speed = float(np.mean(np.concatenate([each.speed for each in self.sections])))
         self._known: tuple[bytes, list[FloatArray]] = (b"", [])
         self._known_jacobian = (b"", np.empty(0))
 
@@ -155,7 +149,7 @@ class _Series:
         J[:, np.arange(A), P + 2 + np.arange(A)] = 1.0
         return J
 
-    def pull(self, z: FloatArray, noise: Sequence[_Noise], rms: float) -> FloatArray:
+    def pull(self, z: FloatArray, noise: Sequence[Noise], rms: float) -> FloatArray:
         """The slope of half the cost at the truth that white noise of the load [N rms] brings, (P + 2 + A,).
 
         The model answers to noise that never was: its answer, and its derivatives of it, whitened, over all samples.
@@ -181,11 +175,34 @@ class _Series:
         slope[P, P + 1] = 1.0 / self.problem.gain_width
         return slope
 
-    def noise(self, residual: FloatArray) -> list[_Noise]:
-        """The autoregression of each column of a residual, its order by Akaike's criterion."""
-        return [_autoregression(column, self.runs) for column in residual.T]
+    def noise(self, residual: FloatArray, x: FloatArray, rms: float) -> list[Noise]:
+        """The autoregression of each column of a residual, with what is known of it.
 
-    def whitened(self, values: FloatArray, noise: Sequence[_Noise]) -> FloatArray:
+        White noise of the load [N rms] passes the unit, and there is as much of it in the residual as |H|^2 says. An
+        autoregression alone, of an order that suits a whole spectrum, does not show the few hertz around the wheel's
+        hop, on which ``suspension_stiffness`` and the gain hang.
+        """
+        return [
+            autoregression_with(passed, column, self.runs, max(LONGEST, round(_PASSED / self.problem.interval)))
+            if passed.any()
+            else autoregression(column, self.runs)
+            for column, passed in zip(residual.T, self._passed(x, rms), strict=True)
+        ]
+
+    def _passed(self, x: FloatArray, rms: float) -> list[FloatArray]:
+        """Power of what each column answers to white noise of the load, as it is sampled."""
+        highest = 0.5 / median(self.problem.recording.load_time)
+        f = np.linspace(0.0, highest, 1 + 8 * math.ceil(highest))
+        H = wheel.frequency_response(self.problem.unit(x), self.speed, f, self.problem.model)[:, self.problem.axes, 0]
+        return [power_of(f, rms**2 / highest * np.abs(each) ** 2, 1.0 / self.problem.interval) for each in H.T]
+
+    def load_noise(self, residual: FloatArray, x: FloatArray) -> float:
+        """White noise that the load's channel has [N rms], as it was said, or may have at the most."""
+        if self.problem.given_noise is not None:
+            return self.problem.given_noise
+        return min(self.problem.load_noise(), _noise_that_passes(self, residual[:, -1], x))
+
+    def whitened(self, values: FloatArray, noise: Sequence[Noise]) -> FloatArray:
         """Values (N, A, ...) as prediction errors over their deviation, one column after the other, (M, ...)."""
         rows = []
         for column, (coefficients, deviation) in enumerate(noise):
@@ -196,27 +213,6 @@ class _Series:
                     rows.append(signal.lfilter(taps, [1.0], values[run, column], axis=0)[p:])
         whole: FloatArray = np.concatenate(rows)
         return whole
-
-
-def _autoregression(residual: FloatArray, runs: Sequence[slice]) -> _Noise:
-    """By the Yule-Walker equations, of runs with nothing known in between."""
-    longest = max(run.stop - run.start for run in runs)
-    orders = [p for p in _ORDERS if p == 0 or p < min(longest, residual.size / 20)]
-    correlation = np.zeros(orders[-1] + 1)
-    for run in runs:
-        part = residual[run]
-        size = min(correlation.size, part.size)
-        correlation[:size] += [float(part[: part.size - k] @ part[k:]) for k in range(size)]
-    correlation /= residual.size
-    least = max(correlation[0], 1e-300) * 1e-12
-    best, lowest = _Noise(np.empty(0), math.sqrt(max(correlation[0], 1e-300))), math.inf
-    for p in orders:
-        a = linalg.solve_toeplitz(correlation[:p], correlation[1 : p + 1]) if p else np.empty(0)
-        variance = max(float(correlation[0] - a @ correlation[1 : p + 1]), least)
-        criterion = residual.size * math.log(variance) + 2.0 * p
-        if criterion < lowest:
-            best, lowest = _Noise(a, math.sqrt(variance)), criterion
-    return best
 
 
 def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray, delay: float) -> Identification:
@@ -231,7 +227,8 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
     z[P + 2 :] = -series.residual(z).mean(axis=0)
     residual = series.residual(z)
     for calls in _CALLS:
-        noise = series.noise(residual)
+        x = series.coordinates.logs(z[:P])
+        noise = series.noise(residual, x, series.load_noise(residual, x))
         z, J, moved = _solve(series, noise, z, delay, calls)
         residual = series.residual(z)
         if moved < 0.3:
@@ -241,10 +238,7 @@ def from_time_series(problem: Problem, seen: tuple[Seen, ...], first: FloatArray
     sure = spare / float(white @ white)  # what the noise turned out to be
     information = J.T @ J * sure
     prior = series.prior_slope(z)
-    if problem.given_noise is not None:
-        rms = problem.given_noise
-    else:
-        rms = min(problem.load_noise(), _noise_that_passes(series, residual[:, -1], series.coordinates.logs(z[:P])))
+    rms = series.load_noise(residual, series.coordinates.logs(z[:P]))
     bias = -_inverse(information + prior.T @ prior) @ (sure * series.pull(z, noise, rms)) if rms > 0.0 else 0.0 * z
     if problem.given_noise is not None:
         z = z - bias
@@ -322,7 +316,7 @@ def _inverse(information: FloatArray) -> FloatArray:
 
 
 def _solve(
-    series: _Series, noise: Sequence[_Noise], z: FloatArray, delay: float, calls: int
+    series: _Series, noise: Sequence[Noise], z: FloatArray, delay: float, calls: int
 ) -> tuple[FloatArray, FloatArray, float]:
     """Least squares with this noise: z, whitened Jacobian, and how far z moved, in standard errors.
 
@@ -383,8 +377,8 @@ def _noise_that_passes(series: _Series, residual: FloatArray, x: FloatArray) -> 
     transfer = _transfer(series, np.zeros_like(residual), residual)
     if transfer is None:
         return math.inf
-    speed = float(np.mean(np.concatenate([each.speed for each in series.sections])))
-    H = wheel.frequency_response(problem.unit(x), speed, transfer.frequency, problem.model)[:, problem.axes[-1], 0]
+    whole = wheel.frequency_response(problem.unit(x), series.speed, transfer.frequency, problem.model)
+    H = whole[:, problem.axes[-1], 0]
     count = transfer.frequency.size // _LINES * _LINES
     left = transfer.output[:count].reshape(-1, _LINES).mean(axis=1)
     passes = (np.abs(H[:count]) ** 2).reshape(-1, _LINES).mean(axis=1)
