@@ -68,7 +68,7 @@ def autoregression_with(passed: FloatArray, residual: FloatArray, runs: Sequence
     Parameters
     ----------
     passed : ndarray, shape (1025,)
-        Power of the known one from 0 to half the sampling rate, its mean over these being its variance.
+        Power of the known one from 0 to half the sampling rate; its mean, the ends counting half, is its variance.
     residual : ndarray, shape (N,)
     runs : sequence of slice
         Of it, with nothing known in between.
@@ -122,7 +122,7 @@ def power_of(frequency: FloatArray, density: FloatArray, rate: float) -> FloatAr
     Returns
     -------
     ndarray, shape (1025,)
-        Its mean is the variance [N^2].
+        Its mean, the ends counting half, is the variance [N^2].
     """
     grid = np.fft.rfftfreq(_GRID, 1.0 / rate)
     folds = range(math.ceil(float(frequency[-1]) / rate) + 1)
