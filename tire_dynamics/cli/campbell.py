@@ -28,7 +28,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "The Campbell diagram: frequencies and decay rates of ring, wheel and belt over the speed, seen from the "
         "axle. Under a given load, or on the road, where the contact couples the belt's harmonics with one another "
-        "and with the wheel. Draws it as PNG and writes the numbers beside it as CSV; --json prints them."
+        "and with the wheel. Names are those of the motions at standstill. Draws it as PNG and writes the numbers "
+        "beside it as CSV; --json prints them."
     )
     parser.add_argument("--to-rpm", metavar="R", type=float, default=3000.0, help="highest speed [rpm] (3000)")
     parser.add_argument("--points", metavar="N", type=int, default=121, help="speeds, from standstill on (121)")
@@ -37,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
     parser.add_argument("--contact", action="store_true", help="of the tire on the road, without lift-off")
     parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed but with --json")
+    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed unless --json is given")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
 
 
@@ -48,12 +49,12 @@ def run(options: argparse.Namespace) -> int:
     """
     if options.output is None and not options.json:
         raise InputError("needs -o PNG or --json; such as tire-dynamics campbell --contact -o campbell.png")
-    if find_spec("matplotlib") is None:
-        raise InputError("the diagram needs matplotlib: pip install 'tire_dynamics[plot]'")
     if options.output is not None:
         picture = Path(options.output)
         if picture.suffix.lower() != ".png":
             raise InputError(f"--output is {options.output}; its name must end in .png")
+        if find_spec("matplotlib") is None:
+            raise InputError("the picture needs matplotlib: pip install 'tire_dynamics[plot]'; --json does without")
         for path in (picture, picture.with_suffix(".csv")):
             writable(path, force=options.force)
     shown = compute(options)

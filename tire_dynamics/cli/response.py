@@ -45,7 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--contact", action="store_true", help="on the road: per its height in place of the load; contact force too"
     )
     parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed but with --json")
+    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed unless --json is given")
     parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
 
 

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from numpy.typing import NDArray
 
 from ..science.campbell import campbell_exponents, contact_modes, jumps
 from ..science.unit import TireWheelUnit
 from ..science.wheel_matrices import Model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 __all__ = ["NAMES", "CampbellDiagram", "diagram", "draw", "from_table"]
 
@@ -135,8 +136,11 @@ def label(name: str) -> str:
 
 def draw(shown: CampbellDiagram | Sequence[CampbellDiagram]) -> Figure:
     """The picture; of a second diagram, of the same motions, marks on the lines of the first."""
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
     first, *others = [shown] if isinstance(shown, CampbellDiagram) else shown
-    figure = Figure(figsize=(WIDTH, 5.6))
+    figure = Figure(figsize=(WIDTH, 6.0))
     axes = figure.subplots(2, 2, sharex=True, sharey="row", gridspec_kw={"height_ratios": (1.7, 1.0)})
     columns = ([name for name in first.frequency if not _of_belt(name)], [*filter(_of_belt, first.frequency)])
     top = 1.12 * max(float(np.nanmax(first.frequency[name][:1])) for name in first.frequency)
@@ -148,7 +152,9 @@ def draw(shown: CampbellDiagram | Sequence[CampbellDiagram]) -> Figure:
         for name in names:
             for ax, quantity in zip(column, ("frequency", "decay"), strict=True):
                 _line(ax, name, first, others, quantity, top)
-        column[0].legend(handles=[Line2D([], [], label=label(name), **_look(name)) for name in names], fontsize=7.0)
+        handles = [Line2D([], [], label=label(name), **_look(name)) for name in names]
+        place = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.3)}  # below, where it hides no line
+        column[1].legend(handles=handles, fontsize=7.0, ncols=2, columnspacing=1.2, handlelength=2.4, **place)
         column[1].set_xlabel("Speed [rpm]")
     rpm = first.speed[[0, -1]] / RPM
     for ax in axes[0]:
