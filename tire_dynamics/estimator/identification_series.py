@@ -360,7 +360,7 @@ def _transfer(series: _Series, load: FloatArray, residual: FloatArray) -> Transf
     """What is seen from the load to the residual; None of less than 8 segments."""
     longest = max(run.stop - run.start for run in series.runs)
     length = 2 ** int(math.log2(max(min(1.0 / series.problem.interval, longest, residual.size / 6.0), 8.0)))
-    spectra = Spectra(1.0 / series.problem.interval, length, zero_order_hold=False)
+    spectra = Spectra(1.0 / series.problem.interval, length, hold=None)
     for run in series.runs:
         spectra.add(series.time[run], load[run], residual[run])
     transfer = spectra.transfer()

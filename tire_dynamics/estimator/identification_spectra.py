@@ -122,7 +122,7 @@ def _add(
 ) -> None:
     time, speed, load, force = window
     key = round((float(speed.mean()) - middle) / _STEADY)
-    spectra, speeds = kinds.setdefault(key, (Spectra(rate, length, zero_order_hold=False), []))
+    spectra, speeds = kinds.setdefault(key, (Spectra(rate, length, hold=None), []))
     spectra.add(time, load, force)
     speeds.append(float(speed.mean()))
 

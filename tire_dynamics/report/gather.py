@@ -106,7 +106,7 @@ class Wheel:
         self.numbers = {curve: Moments() for curve in CURVES}
         self.deviations = Moments()  # of the load, where it is estimated: its stated standard deviation [N]
         self.speeds: Counter[int] = Counter()  # samples by speed, to 1 rad/s
-        self.spectra = Spectra(rate, segment_length(rate, duration), first_order_hold=on_road)
+        self.spectra = Spectra(rate, segment_length(rate, duration), hold=1 if on_road else 0)
         self.of_load = Spectra(rate, segment_length(rate, duration)) if on_road else self.spectra
         self._heights = NewestInput() if on_road else None
         self.moment = Moment(BEFORE, AFTER, [np.float64, np.float64, object])  # load, axle force z, belts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,18 +49,14 @@ class Spectra:
         Of the samples [Hz].
     length : int
         Samples of a segment; Hann's window, half overlapping, each without its mean.
-    zero_order_hold : bool
-        Whether the input is held between the samples of the output, and given as its mean over that time; else its
-        samples are those of a smooth curve.
-    first_order_hold : bool
-        Whether the input goes along lines between its samples, which are at the times of the output's.
+    hold : int or None
+        Order of the hold of the input between the samples of the output: 0 of one that is held, and given as its mean
+        over that time; 1 of one that goes along lines between samples at the times of the output's; None of samples of
+        a smooth curve.
     """
 
-    def __init__(
-        self, rate: float, length: int, *, zero_order_hold: bool = True, first_order_hold: bool = False
-    ) -> None:
-        self.rate, self.length = rate, length
-        self.zero_order_hold, self.first_order_hold = zero_order_hold and not first_order_hold, first_order_hold
+    def __init__(self, rate: float, length: int, *, hold: Literal[0, 1] | None = 0) -> None:
+        self.rate, self.length, self.hold = rate, length, hold
         self._u, self._y = np.empty(0), np.empty(0)
         self._time: float | None = None  # of the last sample
         self._sums = np.zeros((4, length // 2 + 1), np.complex128)
@@ -130,9 +126,9 @@ class Spectra:
         uu, yy, uy = (row[1:] / self.segments for row in self._sums[:3])
         uu, yy = uu.real, yy.real
         hold: ComplexArray = np.ones(1, dtype=np.complex128)
-        if self.zero_order_hold:
+        if self.hold == 0:
             hold = np.sinc(frequency / self.rate) * np.exp(-1j * math.pi * frequency / self.rate)
-        elif self.first_order_hold:
+        elif self.hold == 1:
             hold = np.asarray(np.sinc(frequency / self.rate) ** 2, dtype=np.complex128)
         with np.errstate(divide="ignore", invalid="ignore"):
             response = np.where(uu > 0.0, uy / uu, math.nan) / hold
