@@ -586,7 +586,9 @@ def test_instability_is_said_before_the_output_stops_at_its_bound(rig):
             {item.key: item.value for item in status.values}
             for array in rig.said
             for status in array.status
-            if status.name == "tire_dynamics: wheel" and status.level == ERROR and status.message == "unstable"
+            if status.name == "tire_dynamics: wheel"
+            and status.level == ERROR
+            and status.message.startswith("unstable")  # samples that are late on a busy machine are said behind it
         ]
         assert unstable and unstable[0]["stops for divergence"] == "0", "it was said only when it had happened"
         assert float(unstable[0]["spectral radius"]) > 1.0
