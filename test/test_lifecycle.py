@@ -306,3 +306,16 @@ def test_the_axles_frames_are_in_the_log(bench, tmp_path):
         places = [transform.transform.translation for transform in found]
         assert [(place.x, place.y, place.z) for place in places] == [(1.0, 0.7, 0.3), (1.0, -0.7, 0.3)]
         assert all(transform.transform.rotation.w == 1.0 for transform in found)
+
+
+@pytest.mark.parametrize("arguments", [(), MANAGED], ids=["active", "unconfigured"])
+def test_a_closed_node_is_not_in_the_graph_while_it_is_referred_to(bench, arguments):
+    """Else the lifecycle services of the old node take the requests that are meant for the next one of its name."""
+    one, other = bench(*arguments), bench("-r", "__node:=other")
+    referred, names = one.node, other.peer.get_node_names
+    other.until(lambda: "tire_dynamics" in names(), "the node")
+    one.close()
+    other.until(lambda: "tire_dynamics" not in names(), "the end of the node")
+    services = dict(other.peer.get_service_names_and_types())
+    assert not [name for name in services if name.startswith("/tire_dynamics/")]
+    del referred

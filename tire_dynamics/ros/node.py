@@ -803,6 +803,9 @@ class TireDynamicsNode(LifecycleNode):
         self._deactivate()
         self._end_work()
         self.destroy_node()
+        # destroy_node leaves out what holds the lifecycle services' handles: they, and the node with them, would be in
+        # the graph, and take requests that nobody answers, for as long as this object is referred to.
+        self._state_machine.destroy_when_not_in_use()
 
     def _end_work(self) -> None:
         self._worker.close()
