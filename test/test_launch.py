@@ -283,7 +283,7 @@ def real_node(domain: int, folder: Path, **given: str):
         try:
             yield real
         finally:
-            real.close()
+            real.destroy_node()
     finally:
         context.try_shutdown()
 

@@ -82,7 +82,7 @@ class Bench:
             self.peer.destroy_node()
             self.peer = None
         if self.node is not None:
-            self.node.close()
+            self.node.destroy_node()
             self.node = None
         for executor, context in zip(self._executors, self._contexts, strict=True):
             executor.shutdown()
@@ -512,7 +512,7 @@ def test_paced_by_its_caller(ros_domain):
         done, missed = ticks()
         assert done == count + 1 and done + missed - before == pytest.approx(late / period, abs=2)
     finally:
-        node.close()
+        node.destroy_node()
         context.try_shutdown()
 
 

@@ -200,7 +200,7 @@ def everything_of_the_node(domain: int, use_sim_time: bool) -> dict[str, set[str
                 for what, names in has(node).items():
                     found[what] |= {name.replace(f"/{name_here}/", "/tire_dynamics/") for name in names}
             finally:
-                node.close()
+                node.destroy_node()
     return found
 
 

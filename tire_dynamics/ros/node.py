@@ -124,7 +124,7 @@ class TireDynamicsNode(LifecycleNode):
         arguments: Sequence[str] | None = None,
         paced: bool = False,
     ) -> None:
-        self._made_by_rclpy = self._configured = self._declaring = False
+        self._made_by_rclpy = self._configured = self._declaring = self._is_destroyed = False
         try:
             super().__init__(
                 NODE_NAME,
@@ -178,8 +178,7 @@ class TireDynamicsNode(LifecycleNode):
                 self._say("unconfigured: autostart is false, so a lifecycle manager is to configure and activate it")
             self._starting = False
         except BaseException:
-            self._end_work()
-            self._journal.end()
+            self._active = False
             self.destroy_node()
             raise
 
@@ -798,13 +797,16 @@ class TireDynamicsNode(LifecycleNode):
         values = self._pipeline.values
         return [name for name, value in self._wanted.items() if value != values[name]]
 
-    def close(self) -> None:
-        """Finish the log and leave the graph."""
+    def destroy_node(self) -> None:
+        """Finish the log, end all work and leave the graph; again, it does nothing."""
+        if self._is_destroyed:
+            return
+        self._is_destroyed = True
         self._deactivate()
         self._end_work()
-        self.destroy_node()
-        # destroy_node leaves out what holds the lifecycle services' handles: they, and the node with them, would be in
-        # the graph, and take requests that nobody answers, for as long as this object is referred to.
+        super().destroy_node()
+        # rclpy leaves out what holds the lifecycle services' handles: they, and the node with them, would be in the
+        # graph, and take requests that nobody answers, for as long as this object is referred to.
         self._state_machine.destroy_when_not_in_use()
 
     def _end_work(self) -> None:
@@ -849,7 +851,7 @@ def run(stop: Stop) -> None:
                 left = node.until_tick()
             node.pace()
     finally:
-        node.close()
+        node.destroy_node()
 
 
 def _put_as_json(found: dict[str, Any], response: Any) -> None:
