@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 
@@ -11,8 +12,9 @@ from scipy import signal
 
 from tire_dynamics import TireWheelUnit
 from tire_dynamics.bag import BagReader
-from tire_dynamics.cdr.messages import JointStateDecoder, decode_float64
+from tire_dynamics.cdr.messages import JointStateDecoder, WrenchDecoder, decode_float64
 from tire_dynamics.cli.main import main
+from tire_dynamics.figures.road_drive import RoadForces, draw
 from tire_dynamics.science import road
 
 
@@ -184,6 +186,136 @@ def test_a_profile_and_a_patch(tmp_path):
     assert left == pytest.approx(ramp, abs=2e-4)  # the edge takes 1 mm of 121
 
 
+TIRE = """/**:
+  ros__parameters:
+    wheels: [{wheels}]
+    joint_names: [{joints}]
+    static_loads: [{loads}]
+    ring_rate_hz: 10.0
+    ring_samples: 8
+    n_max: 8
+    contact_points: {points}
+    tire: {{vertical_stiffness: 2.0e+5, contact_half_angle: 0.15, sprung_mass: 350.0, zeta_s: 0.3,
+           sidewall_damping: reaction}}
+"""
+
+
+def a_tire(path, *, wheels=2, points=1):
+    names, loads = ["left", "right"][:wheels], ["4000.0", "3500.0"][:wheels]
+    joints = [f"{name}_joint" for name in names]
+    path.write_text(
+        TIRE.format(wheels=", ".join(names), joints=", ".join(joints), loads=", ".join(loads), points=points)
+    )
+    return str(path)
+
+
+def wrenches(bag):
+    """Of each topic with forces of the wheels: rows of time [s], fx, fz, and all messages as they are."""
+    decoder, found, raw = WrenchDecoder(), {}, {}
+    for topic, _, _, _, data in BagReader(bag).messages():
+        if topic.endswith(("/axle_wrench", "/contact_load")):
+            wrench = decoder.decode(data)
+            found.setdefault(topic, []).append((wrench.stamp_ns * 1e-9 - 1.0, wrench.fx, wrench.fz))
+            raw.setdefault(topic, []).append(data)
+    return {topic: np.array(rows) for topic, rows in found.items()}, raw
+
+
+@pytest.mark.parametrize("points", [1, 3])
+def test_forces_are_those_of_the_bags_replay(tmp_path, capsys, points):
+    """Straight into a log, or by the bag and its replay: the same messages; the table has their numbers in full."""
+    config = a_tire(tmp_path / "tire.yaml", points=points)
+    call = ["road", "--class", "D", "--cleat", "0.04:0.3@6", "--speed-kmh", "72", "--duration", "0.6", "--quiet"]
+    call += ["--config", config]
+    assert main([*call, "-o", str(tmp_path / "bag"), "--forces", str(tmp_path / "log")]) == 0
+    own = (tmp_path / "tire.yaml").read_text().replace("wheels:", "load_source: road\n    wheels:")
+    (tmp_path / "road.yaml").write_text(own)
+    replayed = ["replay", str(tmp_path / "bag"), "-o", str(tmp_path / "replayed"), "--quiet"]
+    assert main([*replayed, "--config", str(tmp_path / "road.yaml")]) == 0
+    found, raw = wrenches(tmp_path / "log")
+    assert raw == wrenches(tmp_path / "replayed")[1]
+    assert set(found) == {f"/{side}/{name}" for side in ("left", "right") for name in ("axle_wrench", "contact_load")}
+    capsys.readouterr()
+    table = tmp_path / "forces.csv"
+    call[-3] = "--json"
+    assert main([*call, "--forces", str(table)]) == 0
+    said = json.loads(capsys.readouterr().out)["forces_of"]
+    columns = np.genfromtxt(table, delimiter=",", names=True)
+    for k, side in enumerate(("left", "right")):
+        axle, contact = found[f"/{side}/axle_wrench"], found[f"/{side}/contact_load"]
+        assert columns["time_s"] == pytest.approx(axle[:, 0], abs=1e-9)
+        assert columns[f"{side}_force_x_n"].tolist() == axle[:, 1].tolist()
+        assert columns[f"{side}_force_z_n"].tolist() == axle[:, 2].tolist()
+        assert columns[f"{side}_contact_load_n"].tolist() == contact[:, 2].tolist()
+        assert said[k]["contact_most_n"] == contact[:, 2].max() and said[k]["axle_least_n"] == axle[:, 2].min()
+        assert said[k]["off_the_road_s"] == pytest.approx(0.002 * (contact[:, 2] == 0.0).sum())
+        told = recorded(tmp_path / "bag")[f"/{side}/road_height"]
+        assert columns[f"{side}_road_height_m"].tolist() == told[:, 1].tolist()
+    assert columns["distance_m"] == pytest.approx(20.0 * columns["time_s"], abs=1e-9)
+    assert np.ptp(columns["left_contact_load_n"]) > 1000.0
+
+
+def test_several_points_are_told_what_is_under_the_foremost(tmp_path):
+    """A step rises there, by its part of the patch; behind, once the wheel has turned round."""
+    config = a_tire(tmp_path / "tire.yaml", wheels=1, points=5)
+    (tmp_path / "speed.csv").write_text("time,speed\n0,4\n1,4\n1.001,-4\n2,-4\n")
+    call = ["road", "--step", "0.01@2", "--speed", str(tmp_path / "speed.csv"), "--rate", "5000", "--quiet"]
+    assert main([*call, "--config", config, "-o", str(tmp_path / "bag")]) == 0
+    time, height = recorded(tmp_path / "bag")["/left/road_height"].T
+    reach, part = 0.305 * math.sin(0.15 * 4 / 5), 2.0 * 0.305 * math.sin(0.15 / 5)
+    up, down = (np.flatnonzero(np.diff(np.sign(height - 0.005)))[k] for k in (0, -1))
+    assert 4.0 * time[up] == pytest.approx(2.0 - reach, abs=2e-3)
+    assert 8.0 - 4.0 * time[down] == pytest.approx(2.0 + reach, abs=4e-3)  # it turns within 4 mm
+    rising = time[:5000][np.abs(height[:5000] - 0.005) < 0.0049]
+    assert 4.0 * np.ptp(rising) == pytest.approx(part, abs=3e-3)  # the edge takes 1 mm, a sample 0.8
+
+
+def test_the_picture_has_every_wheel(tmp_path):
+    """Road, contact and axle force; the horizontal one where the wheel gives or there are several points."""
+    n = 9000
+    time = np.arange(n) * 0.002
+    contact = 4000.0 + 0.0 * time[:, None] * np.ones(4)
+    contact[4321, 2] = 9000.0  # one sample of many, which the picture must not lose
+    forces = RoadForces(
+        ("a", "b", "c", "d"), time, 20.0 * time, 0.0 * time + 60.0, 0.01 * np.ones((n, 4)), contact, np.zeros((n, 4, 2))
+    )
+    figure = draw(forces, fore_aft=True)
+    rows = [ax.get_ylabel() for ax in figure.axes[::2]]
+    assert [row.split()[0] for row in rows] == ["Road", "Contact", "Axle", "Axle"] and len(figure.axes) == 8
+    lines = {line.get_label(): line.get_ydata() for line in figure.axes[3].get_lines()}
+    assert {"c", "d"} <= set(lines) and lines["c"].size < n and lines["c"].max() == pytest.approx(9.0)
+    assert figure.axes[-1].get_xlabel() == "Distance driven [m]"
+    back = dataclasses.replace(forces, distance=np.abs(forces.distance - 100.0), wheels=("a",))
+    figure = draw(back, fore_aft=False)
+    assert len(figure.axes) == 3 and figure.axes[-1].get_xlabel() == "Time [s]"
+    config = a_tire(tmp_path / "tire.yaml", wheels=1)
+    call = ["road", "--cleat", "0.01:0.1@1", "--speed-kmh", "36", "--duration", "0.2", "--config", config, "--quiet"]
+    assert main([*call, "--plot", str(tmp_path / "road.png")]) == 0
+    assert (tmp_path / "road.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
+    assert main([*call, "--plot", str(tmp_path / "road.png")]) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--forces", "{out}"], "forces need what the wheels carry at rest: --static-load"),
+        (["--forces", "{out}", "--static-load", "1", "2", "3"], "--static-load has 3 values"),
+        (["--forces", "{out}", "--static-load", "-5"], "static_loads has -5.0"),
+        (["--plot", "{out}", "--static-load", "4000"], "its name must end in .png"),
+        (["-o", "{out}", "--forces", "{out}", "--static-load", "4000"], "two outputs have one name"),
+        (["--forces", "{there}", "--static-load", "4000"], "exists already"),
+        (["--forces", "{out}", "--static-load", "4000", "--step", "0.3@2"], "the road jumps by 0.3 m"),
+        ([], "needs an output: -o, --forces or --plot"),
+    ],
+)
+def test_forces_that_cannot_be(tmp_path, capsys, arguments, words):
+    (tmp_path / "there.csv").write_text("mine")
+    given = [each.format(out=tmp_path / "out", there=tmp_path / "there.csv") for each in arguments]
+    assert main(["road", "--cleat", "0.01:0.1@1", "--speed-kmh", "36", "--duration", "1", *given]) == 2
+    out, err = capsys.readouterr()
+    assert out == "" and words in err and err.count("\n") == 1
+    assert {path.name for path in tmp_path.iterdir()} == {"there.csv"}
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -192,7 +324,7 @@ def test_a_profile_and_a_patch(tmp_path):
         (["--class", "X", "--speed-kmh", "50"], "road_class is 'X'"),
         (["--class", "C", "--speed-kmh", "nan"], "--speed-kmh is nan"),
         (["--class", "C", "--speed-kmh", "50", "--rate", "0"], "--rate is 0"),
-        (["--class", "C", "--speed-kmh", "50", "--wheels", "a", "b", "c"], "--wheels has 3"),
+        (["--class", "C", "--speed-kmh", "50", "--wheels", "a", "b", "c"], "there are 3 wheels"),
         (["--class", "C", "--speed-kmh", "50", "--wheels", "a b"], "no ROS name"),
         (["--cleat", "0.01@5", "--speed-kmh", "50"], "--cleat is '0.01@5'"),
         (["--step", "0.01:2@5", "--speed-kmh", "50"], "--step is"),

@@ -216,11 +216,15 @@ def _declare(commands: Commands) -> None:
     command = commands.add(
         _BAGS,
         "road",
-        help="a road and a speed into an input bag: ISO 8608, cleats, steps, profiles",
+        help="a road and a speed into an input bag, or into forces: ISO 8608, cleats, steps, profiles",
         examples=(
             ("road --class C --speed-kmh 80 -o rough", "a car on an average road, 20 s"),
             ("road --cleat 0.01:0.02@5 --speed-kmh 30 --duration 2 --wheels wheel -o cleat", "one wheel over a cleat"),
             ("road --profile lane.csv --speed drive.csv -o lane", "a measured road at a measured speed"),
+            (
+                "road --class C --speed-kmh 80 --config car.yaml --forces forces.csv --plot forces.png",
+                "straight into forces, with the tire and the static_loads of this file",
+            ),
         ),
     )
     road.add_arguments(command)

@@ -1,4 +1,4 @@
-"""``tire-dynamics road``: a road and a speed into an input bag, with the height that each wheel has under it.
+"""``tire-dynamics road``: a road and a speed into an input bag, with the height under each wheel, or into forces.
 
 numpy and bags are imported where they are needed: the command line loads this module for its options.
 """
@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError, missing
 from ..files.progress import progress
+from . import road_forces
 from .answer import answer
+from .road_forces import START_NS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -26,7 +28,6 @@ __all__ = ["RECORD", "add_arguments", "run"]
 
 RECORD = "tire_dynamics.road"  # name of the metadata record that says what road it is
 CAR = ("front_left", "front_right", "rear_left", "rear_right")
-START_NS = 1_000_000_000  # a stamp of 0 is none
 MOST_SAMPLES = 20_000_000
 MOST_ROWS = 5_000_000
 MAX_SPEED = 150.0  # [m/s]
@@ -37,8 +38,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.description = (
         "Makes an input bag of /joint_states and /<wheel>/road_height [m]: a random road of a class of ISO 8608, "
         "cleats, steps, or a profile from a CSV file over distance, all of which add up, driven over at a speed. Rear "
-        "wheels find the same tracks a wheelbase later; left and right go together as on an isotropic road."
+        "wheels find the same tracks a wheelbase later; left and right go together as on an isotropic road. Or it "
+        "replays that bag at once, into the forces on the axles and from the road, and into a picture of them."
     )
+    output = parser.add_argument_group("what is written; one of these at least")
+    output.add_argument("-o", "--output", metavar="OUT", help="the input bag: a rosbag2 folder")
+    output.add_argument(
+        "--forces", metavar="OUT", help="a table, if the name ends in .csv; else the log that replay makes of the bag"
+    )
+    output.add_argument("--plot", metavar="PNG", help="draw road, contact load and axle force of each wheel")
+    output.add_argument("--force", action="store_true", help="replace what is to be written and exists")
     kind = parser.add_argument_group("the road; what is given adds up")
     kind.add_argument("--class", dest="road_class", metavar="CLASS", help="A (very good) to H of ISO 8608")
     kind.add_argument("--seed", metavar="N", type=int, default=0, help="of the random road (0)")
@@ -57,81 +66,116 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     drive.add_argument("--speed-kmh", metavar="V", type=float, help="constant [km/h]")
     drive.add_argument("--speed", metavar="CSV", help="columns with names: time [s] and speed [m/s], joined by lines")
     drive.add_argument("--duration", metavar="S", type=float, default=20.0, help="with --speed-kmh [s] (20)")
-    drive.add_argument("--rate", metavar="HZ", type=float, default=500.0, help="samples a second (500)")
+    drive.add_argument("--rate", metavar="HZ", type=float, help="samples a second; else the node's rate_hz (500)")
     car = parser.add_argument_group("the car")
     car.add_argument(
         "--wheels",
         metavar="WHEEL",
         nargs="+",
-        default=list(CAR),
-        help="one, two (left and right) or four (front left, front right, rear left, rear right; these by default)",
+        help="one, two (left and right) or four (front left, front right, rear left, rear right); else --config's",
     )
     car.add_argument("--wheelbase", metavar="M", type=float, default=2.7, help="[m] (2.7)")
     car.add_argument("--track", metavar="M", type=float, default=1.55, help="between left and right [m] (1.55)")
     car.add_argument("--rolling-radius", metavar="M", type=float, help="[m]; else the radius of the tire")
     car.add_argument(
+        "--static-load",
+        metavar="N",
+        type=float,
+        nargs="+",
+        help="of every wheel, or of each; else the node's static_loads",
+    )
+    car.add_argument(
         "--config",
         metavar="YAML",
-        help="of the tire: its radius, and its patch, over which the height is a mean (point contact without)",
+        help="parameters of the node, or the fields of one unit. The heights are a mean over its patch; without, the "
+        "tire of the paper has a point",
     )
-    parser.add_argument("-o", "--output", metavar="OUT", required=True, help="the rosbag2 folder to write")
-    parser.add_argument("--force", action="store_true", help="replace OUT if it exists")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make the bag that the options ask for, and say on standard error what is in it.
+    """Make what the options ask for, and say on standard error what it is.
 
-    ``InputError``: an option or a file cannot be used, or the output exists.
+    ``InputError``: an option or a file cannot be used, or an output exists.
     """
     import numpy as np
 
     from ..replay.parameters import complete, read_config, unit_of
     from ..science.road import travelled
 
+    given = read_config(options.config) if options.config else {}
+    options.wheels = options.wheels or list(given.get("wheels", CAR))
+    values = complete(given)
+    options.rate = values["rate_hz"] if options.rate is None else options.rate
     _check(options)
-    unit = unit_of(complete(read_config(options.config) if options.config else {}))
+    forces = options.forces is not None or options.plot is not None
+    parameters = road_forces.parameters(options, given) if forces else {}
+    unit = unit_of(values)
     radius = options.rolling_radius or unit.radius
     time, speed = _drive(options)
     distance = travelled(time, speed)
-    left, right = _tracks(options, float(np.ptp(distance)) + options.wheelbase)
-    patch = 2.0 * unit.radius * math.sin(unit.contact_half_angle)
+    points = values["contact_points"]
+    half = unit.contact_half_angle / points
+    patch, reach = 2.0 * unit.radius * math.sin(half), unit.radius * math.sin(half * (points - 1))
+    left, right = _tracks(options, float(np.ptp(distance)) + options.wheelbase + 2.0 * reach)
     if patch:
         left, right = left.averaged(patch), right.averaged(patch)
     start = float(distance.min())
     behind = [0.0, 0.0, options.wheelbase, options.wheelbase]
     # the road begins under the rear axle: where the front one starts is a wheelbase further on
     offset = options.wheelbase if len(options.wheels) == 4 else 0.0
-    columns = [(right if k % 2 else left).at(distance - start + offset - behind[k]) for k in range(len(options.wheels))]
+    told = distance - start + offset + reach * _directions(speed)
+    columns = [(right if k % 2 else left).at(told - behind[k]) for k in range(len(options.wheels))]
     heights = np.stack(columns, axis=1)
-    note = _note(options, patch)
-    _write(options, time, speed / radius, heights, note)
-    answer(
-        options,
-        {
-            "output": options.output,
-            "wheels": options.wheels,
-            "samples": time.size,
-            "duration_s": float(time[-1] - time[0]),
-            "distance_m": float(distance[-1]),
-            "patch_m": patch,
-            "highest_m": heights.max(axis=0).tolist(),
-            "lowest_m": heights.min(axis=0).tolist(),
-            "rms_m": heights.std(axis=0).tolist(),
-            "road": note,
-        },
-        f"{options.output}: {len(options.wheels)} wheels, {time.size} samples, {distance[-1]:.4g} m in "
-        f"{time[-1] - time[0]:.4g} s, heights from {heights.min():.4g} to {heights.max():.4g} m",
+    note = _note(options, patch, points)
+    drive = road_forces.Drive(time, distance, speed / radius, heights)
+    names = values["joint_names"] if options.wheels == list(values["wheels"]) else options.wheels
+    content = {
+        "output": options.output,
+        "wheels": options.wheels,
+        "samples": time.size,
+        "duration_s": float(time[-1] - time[0]),
+        "distance_m": float(distance[-1]),
+        "patch_m": patch,
+        "highest_m": heights.max(axis=0).tolist(),
+        "lowest_m": heights.min(axis=0).tolist(),
+        "rms_m": heights.std(axis=0).tolist(),
+        "road": note,
+    }
+    what = (
+        f"{len(options.wheels)} wheels, {time.size} samples, {distance[-1]:.4g} m in {time[-1] - time[0]:.4g} s, "
+        f"heights from {heights.min():.4g} to {heights.max():.4g} m"
     )
+    if not forces:
+        _write(options.output, options, list(names), drive, note)
+        answer(options, content, f"{options.output}: {what}")
+        return 0
+    with road_forces.places(options) as (bag, log):
+        _write(bag, options, list(names), drive, note)
+        more, lines = road_forces.write(options, parameters, drive, bag, log)
+    answer(options, {**content, **more}, f"{options.output or 'road'}: {what}", *lines)
     return 0
 
 
+def _directions(speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    """1 forward, -1 backward; who stands keeps the one before."""
+    import numpy as np
+
+    moves = np.flatnonzero(speed)
+    if not moves.size:
+        return np.ones_like(speed)
+    last = np.searchsorted(moves, np.arange(speed.size), side="right") - 1
+    return np.asarray(np.sign(speed[moves[np.maximum(last, 0)]]))
+
+
 def _check(options: argparse.Namespace) -> None:
+    if options.output is None and options.forces is None and options.plot is None:
+        raise InputError("needs an output: -o, --forces or --plot")
     if not (options.road_class or options.cleat or options.step or options.profile):
         raise InputError("needs a road: --class, --cleat, --step or --profile")
     if (options.speed_kmh is None) == (options.speed is None):
         raise InputError("needs one of --speed-kmh and --speed")
     if len(options.wheels) not in (1, 2, 4):
-        raise InputError(f"--wheels has {len(options.wheels)} names; it must have 1, 2 or 4")
+        raise InputError(f"there are {len(options.wheels)} wheels; --wheels must name 1, 2 or 4")
     for name in options.wheels:
         if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
             raise InputError(f"--wheels: {name[:80]!r} is no ROS name")
@@ -276,7 +320,7 @@ def _read(
     return dict(zip(wanted, np.array(values).T, strict=True))
 
 
-def _note(options: argparse.Namespace, patch: float) -> dict[str, str]:
+def _note(options: argparse.Namespace, patch: float, points: int) -> dict[str, str]:
     """What road it is, in words."""
     note = {}
     if options.road_class:
@@ -287,14 +331,16 @@ def _note(options: argparse.Namespace, patch: float) -> dict[str, str]:
     if options.profile:
         note["profile"] = Path(options.profile).name
     note["patch"] = f"mean over {patch:g} m" if patch else "a point"
+    if points > 1:
+        note["patch"] += f", under the foremost of {points} points"
     return note
 
 
 def _write(
+    output: str,
     options: argparse.Namespace,
-    time: NDArray[np.float64],
-    speeds: NDArray[np.float64],
-    heights: NDArray[np.float64],
+    joints: list[str],
+    drive: road_forces.Drive,
     note: dict[str, str],
 ) -> None:
     import numpy as np
@@ -302,14 +348,13 @@ def _write(
     from ..bag import BagWriter
     from ..cdr.messages import FLOAT64, JOINT_STATE, JointStateEncoder, encode_float64
 
-    encoder = JointStateEncoder(options.wheels)
-    stamps = (START_NS + np.round(time * 1e9).astype(np.int64)).tolist()
-    with BagWriter(options.output, force=options.force, aside=True, chunk_size=2**20, metadata={RECORD: note}) as bag:
-        joints = bag.add_topic("/joint_states", JOINT_STATE)
+    encoder = JointStateEncoder(joints)
+    stamps = (START_NS + np.round(drive.time * 1e9).astype(np.int64)).tolist()
+    with BagWriter(output, force=options.force, aside=True, chunk_size=2**20, metadata={RECORD: note}) as bag:
+        states = bag.add_topic("/joint_states", JOINT_STATE)
         topics = [bag.add_topic(f"/{wheel}/road_height", FLOAT64) for wheel in options.wheels]
-        count = len(options.wheels)
-        rows: Any = zip(stamps, speeds.tolist(), heights.tolist(), strict=True)
+        rows: Any = zip(stamps, drive.speed.tolist(), drive.heights.tolist(), strict=True)
         for stamp, speed, row in progress(rows, len(stamps), "road", unit="samples", quiet=options.quiet):
-            bag.write(joints, stamp, stamp, encoder.encode(stamp, [speed] * count))
+            bag.write(states, stamp, stamp, encoder.encode(stamp, [speed] * len(joints)))
             for topic, height in zip(topics, row, strict=True):
                 bag.write(topic, stamp, stamp, encode_float64(height))

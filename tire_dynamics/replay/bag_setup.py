@@ -33,7 +33,7 @@ class BagSetup(NamedTuple):
 
 def bag_setup(
     reader: BagReader,
-    config: str | PathLike[str] | None = None,
+    config: str | PathLike[str] | Mapping[str, Any] | None = None,
     remaps: Mapping[str, str] | None = None,
     joints: Mapping[str, str] | None = None,
     inputs: str | PathLike[str] | None = None,
@@ -44,7 +44,7 @@ def bag_setup(
     Parameters
     ----------
     reader : BagReader
-    config : path, optional
+    config : path or mapping, optional
         As :func:`~tire_dynamics.replay.replay.replay` takes it.
     remaps : mapping, optional
         Topics of the bag by the inputs that they are to be: ``{"front_left/load": "/fl/force_torque"}``.
@@ -60,9 +60,10 @@ def bag_setup(
     """
     remaps = dict(remaps or {})
     log = _log_of(reader, must=config is None)
-    given = {**(log["parameters"] if log is not None else {}), **(read_config(config) if config is not None else {})}
-    if log is None and (own := _own_map(reader)):
-        given = {**own, **given}
+    own = config if isinstance(config, Mapping) else {} if config is None else read_config(config)
+    given = {**(log["parameters"] if log is not None else {}), **own}
+    if log is None and (field_map := _own_map(reader)):
+        given = {**field_map, **given}
     given.update(read_inputs(inputs) if inputs is not None else {})
     given.update(read_car(vehicle) if vehicle is not None else {})
     if "wheels" not in given:

@@ -44,7 +44,7 @@ def replay(
     source: str | PathLike[str],
     output: str | PathLike[str],
     *,
-    config: str | PathLike[str] | None = None,
+    config: str | PathLike[str] | Mapping[str, Any] | None = None,
     inputs: str | PathLike[str] | None = None,
     vehicle: str | PathLike[str] | None = None,
     force: bool = False,
@@ -61,9 +61,9 @@ def replay(
         A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file: a recording of the inputs, or a log of the node.
     output : path
         The rosbag2 folder to write: the inputs as they were, every output, and what a further replay needs.
-    config : path, optional
-        Parameters, as :func:`~tire_dynamics.replay.parameters.read_config` takes them. What it leaves out is a
-        log's own, and for any other bag the default, with the wheels that its topics name.
+    config : path or mapping, optional
+        Parameters, by name or as :func:`~tire_dynamics.replay.parameters.read_config` takes them. What it leaves out
+        is a log's own, and for any other bag the default, with the wheels that its topics name.
     inputs : path, optional
         A field map, as :func:`~tire_dynamics.replay.parameters.read_inputs` takes it, over those parameters.
     vehicle : path, optional
