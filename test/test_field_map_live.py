@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 import pytest
@@ -141,6 +142,36 @@ def test_a_field_that_contradicts_is_said(bench, change, said):
     seen = len(statuses())
     one.until(lambda: len(statuses()) > seen + 2, "three more seconds")
     assert sum(re.search(said, log.msg) is not None for log in heard) == 1
+
+
+@pytest.mark.slow
+def test_a_unit_that_all_wheels_have_is_told_by_an_imu(bench):
+    """Speeds in km/h where rpm are said, of a vehicle that speeds up and brakes; no other speed is published."""
+    without = {name: value for name, value in STANDARD.items() if "vehicle_speed" not in name}
+    one = bench(*arguments({**without, "input_timeout_s": 5.0}))
+    latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard: list[Log] = []
+    one.peer.create_subscription(Log, "/rosout", heard.append, latched)
+    arrays = one.messages(DiagnosticArray, "/diagnostics")
+    speeds, imu = one.publisher(Float32MultiArray, "/bus/speeds"), one.publisher(Imu, "/imu")
+
+    def send():
+        now = one.now()
+        t = 1e-9 * (now % 10**12)
+        speeds.publish(Float32MultiArray(data=[3.6 * (15.0 + 4.0 * math.sin(1.5 * t))] * 4))
+        inertial = Imu()
+        inertial.header.stamp = Time(nanoseconds=now).to_msg()
+        inertial.linear_acceleration.x, inertial.linear_acceleration.z = 6.0 * math.cos(1.5 * t), 9.81
+        inertial.angular_velocity.y = 1e-3 * math.sin(40.0 * t)  # a sensor that lives
+        imu.publish(inertial)
+
+    one.peer.create_timer(0.02, send)
+    said = r"as by the imu, .*: are the speeds in km/h, and not in rpm\?"
+    one.until(lambda: any(re.search(said, log.msg) for log in heard), "/rosout")
+    one.until(
+        lambda: any(re.search(said, value.value) for a in arrays for status in a.status for value in status.values),
+        "the diagnostics",
+    )
 
 
 @pytest.mark.parametrize(

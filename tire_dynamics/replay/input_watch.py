@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..files.plausibility import GRAVITY, Plausibility
 from .input_map import sources
+from .motion_watch import other_unit, rolling_radius
 
 __all__ = ["InputWatch", "doubts_of", "watched"]
 
@@ -25,14 +26,8 @@ _FEW = 20  # samples of which nothing is said
 _SLOW = 5.0  # [rad/s] below which wheels of one vehicle may differ by any factor, as on full lock
 _WALK = 2.0  # [m/s] of the vehicle, below which its speed says nothing about that of the wheels
 _APART = 1.08  # slip, curves and the radius make less between the speeds of wheels and vehicle
-_NEAR = 1.04  # so near a factor between units comes to be the one
+_NEAR = math.log(1.04)  # so near a factor between units comes to be the one
 _MOST_TRAVEL = 0.5  # [m] in the mean
-_FACTORS = {
-    "km/h": 3.6, "m/s": 1.0, "mph": 1.0 / 0.44704, "rpm": 30.0 / math.pi, "deg/s": 180.0 / math.pi,
-    "rev/s": 0.5 / math.pi, "rad/s": 1.0,
-}  # fmt: skip
-"""Of a unit, how many there are in m/s or rad/s."""
-_LINEAR = ("km/h", "m/s", "mph")
 
 
 class InputWatch:
@@ -99,7 +94,7 @@ def _against_the_vehicle(speeds: FloatArray, vehicle: FloatArray, values: Mappin
     told = speeds[speeds[:, _COUNT] >= _FEW]
     if not len(told) or vehicle[_COUNT] < _FEW or vehicle[_SIZE] / vehicle[_COUNT] < _WALK:
         return
-    radius = values["inputs.speed.radius"] or values["tire.radius"]
+    radius = rolling_radius(values)
     # of three wheels and more one may be dead, which is said elsewhere
     rolling = radius * float(np.median(told[:, _SIZE] / told[:, _COUNT]))
     forward = float(np.median(told[:, _TOTAL] / told[:, _COUNT]))
@@ -109,11 +104,8 @@ def _against_the_vehicle(speeds: FloatArray, vehicle: FloatArray, values: Mappin
     share = rolling / speed
     if 1.0 / _APART < share < _APART:
         return
-    unit = values["inputs.speed.unit"]
-    metres = {name: (1.0 if name in _LINEAR else radius) / factor for name, factor in _FACTORS.items()}
-    off = {name: abs(math.log(share * metres[name] / metres[unit])) for name in metres if name != unit}
-    other = min(off, key=lambda name: off[name])
-    if off[other] < math.log(_NEAR):
+    other, unit = other_unit(share, values, _NEAR), values["inputs.speed.unit"]
+    if other is not None:
         yield f"the wheels are {share:.3g} times as fast as the vehicle: are the speeds in {other}, and not in {unit}?"
         return
     yield (

@@ -17,6 +17,7 @@ from ..estimator.vehicle import Vehicle
 from ..science.rotating_excitation import rotating_excitation
 from .input_map import QUANTITIES, MapError, MappedTopic, mapped_topics, mapped_types, sources
 from .load_source import LoadSource
+from .motion_watch import MotionWatch
 from .parameters import car_of, complete, noise_of, unit_of, vehicle_settings
 from .stream import IGNORED, TICKS, MessageStream, Sink
 
@@ -144,6 +145,8 @@ class Pipeline:
         Of the types of mapped topics.
     loads : LoadSource or None
         Where the loads are estimated.
+    motion : MotionWatch or None
+        Where an IMU is mapped, by which all wheel speeds can be doubted.
     """
 
     def __init__(
@@ -168,8 +171,9 @@ class Pipeline:
         }
         self.loads: LoadSource | None = None
         has_covariance = self.values["axle_wrench_covariance"]
+        quantities = {source.quantity for source in sources(self.values)}
+        self.motion = MotionWatch(self.values) if "imu" in quantities else None
         if self.values["load_source"] == "estimate":
-            quantities = {source.quantity for source in sources(self.values)}
             car, noise = car_of(self.values), noise_of(self.values)
             self.loads = LoadSource(car, noise, self.vehicle, has_covariance, quantities)
         self._stream = MessageStream(
@@ -181,8 +185,7 @@ class Pipeline:
             None if self.loads is None else self.loads.estimate,
             has_covariance,
         )
-        if self.loads is not None:
-            self.set_sink(self.loads.take)
+        self.set_sink(None if self.loads is None else self.loads.take)
         every = list(input_types(settings.wheels, self.values["load_source"]))
         self._numbers = {topic: every.index(topic) for topic in self.inputs}
         for number, topic in enumerate(mapped):
@@ -217,7 +220,14 @@ class Pipeline:
 
     def set_sink(self, sink: Sink | None) -> None:
         """Hand the samples of speed, travel, hub acceleration, imu and vehicle speed to something, as they come."""
-        self._stream.set_sink(sink)
+        watch = None if self.motion is None else self.motion.take
+
+        def both(quantity: str, wheel: int | None, stamp: int, received: int, values: tuple[float, ...]) -> None:
+            for take in (sink, watch):
+                if take is not None:
+                    take(quantity, wheel, stamp, received, values)
+
+        self._stream.set_sink(both if sink is not None and watch is not None else sink or watch)
 
     def take_sums(self) -> dict[str, NDArray[np.float64]]:
         """By quantity, of each wheel or component: count, sum, sum of sizes and of squares since the last call."""

@@ -119,6 +119,7 @@ def replay(
     doubts = [] if seen is None else seen.doubts()
     if seen is not None and pipeline.mapped:
         doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
+        doubts += pipeline.motion.ever.values() if pipeline.motion is not None else ()
     return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 

@@ -748,6 +748,8 @@ class TireDynamicsNode(LifecycleNode):
         """Say what has become odd about the inputs, once: numbers in it change from second to second."""
         known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
         self._doubts = self._watch.look(self._pipeline.take_sums())
+        if self._pipeline.motion is not None:
+            self._doubts += self._pipeline.motion.doubts
         for doubt in self._doubts:
             if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
                 self.get_logger().warning(f"doubtful: {doubt}")
