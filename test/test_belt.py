@@ -351,7 +351,7 @@ for k in range(400):  # a change at each tick, one of two wheels: its belt waits
     wheels.add_load(0, now, now + 2 + (k + 99) * 2 * MS, 4000.0 + k)  # and one that waits 198 ms for its time
     wheels.tick(now)
     count()
-rooms = [len(wheels.belt.length), len(wheels.belt.held), wheels.schedule.room, len(wheels.schedule.waiting_stamp)]
+rooms = [len(wheels.belt.length), len(wheels.belt.inputs), wheels.schedule.room, len(wheels.schedule.waiting_stamp)]
 for k in range(400, 600):  # constant inputs are one interval, however long
     now = k * 2 * MS
     wheels.add_speed(0, now + 1, now + 1, 90.0)

@@ -48,6 +48,7 @@ def sent(file: File) -> list[tuple]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", CONTENTS)
 def test_every_file_is_right_in_info_and_recover(tmp_path, content):
     some = [file for file in SUITE if file.name.split("-")[0] == content]

@@ -175,6 +175,7 @@ def some_drive(random, varying):
     return Drive(0.004 * np.arange(count + 1), speed if varying else speed[0], heights, 0.0)
 
 
+@pytest.mark.slow
 @models
 @pytest.mark.parametrize("seed", range(4))
 def test_steps_at_constant_speed(model, seed):
@@ -188,6 +189,7 @@ def test_steps_at_constant_speed(model, seed):
     assert fine.max() < 1e-3 * np.abs(expected).max()
 
 
+@pytest.mark.slow
 @models
 @pytest.mark.parametrize("seed", range(2))
 def test_steps_at_varying_speed(model, seed):
@@ -209,6 +211,7 @@ def close_in(coarse, fine, factors, floor):
     assert (fine <= np.maximum(coarse / np.array(factors), floor)).all(), (coarse, fine)
 
 
+@pytest.mark.slow
 @models
 def test_lift_off_and_landing(model):
     """A kerb's edge taken so fast that the tire leaves the road and comes back, twice at least."""

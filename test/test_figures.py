@@ -507,6 +507,7 @@ def test_the_csv_holds_the_table(folder, name):
     assert known.all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_picture_can_be_read_and_shows_something(folder, name):
     pixels = imread(folder / f"{name}.png")

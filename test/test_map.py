@@ -351,6 +351,7 @@ VARYING = TABLE_1.replace(
 )  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", ["xy", "yx"])
 def test_tongues_over_the_amplitudes(tmp_path, axes):
     """Point by point; the boundary lies where growth begins, to a cell of the grid, a tongue where its tip is said."""
@@ -425,6 +426,7 @@ def test_a_picture_of_anything(tmp_path, quantity, zeta_1):
     assert (tmp_path / "map.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_model_of_the_configuration(tmp_path):
     path = tmp_path / "vehicle.yaml"
     path.write_text("/**:\n  ros__parameters:\n    model: complete\n")

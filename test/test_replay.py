@@ -415,6 +415,7 @@ def test_memory_does_not_grow_with_the_bag(tmp_path):
 # --- a real drive ---
 
 
+@pytest.mark.slow
 def test_a_real_drive(drive, tmp_path):
     wheels = ("front_left", "front_right", "rear_left", "rear_right")
     status = main(

@@ -390,6 +390,7 @@ def worst_difference(expected, found):
     return distance[linear_sum_assignment(distance)].max()
 
 
+@pytest.mark.slow
 @settings(max_examples=20)
 @given(unit=units(), speed=st.floats(60.0, 2500.0), backward=st.booleans(), model=models)
 @example(unit=TABLE_1, speed=2000.0 * RPM, backward=False, model="inextensional")

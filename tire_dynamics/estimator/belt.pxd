@@ -28,12 +28,12 @@ cdef class BeltMotion:
     cdef Py_ssize_t room
     cdef long long[::1] waiting
     cdef long long[::1] length
-    cdef double[::1] held
+    cdef double[::1] inputs
 
-    cdef void hold(
+    cdef void enqueue(
         self, Py_ssize_t wheel, long long length, double speed, double load, double traction
     ) noexcept nogil
-    cdef void take(self, Py_ssize_t wheel) noexcept nogil
+    cdef void advance_queue(self, Py_ssize_t wheel) noexcept nogil
     cdef void change_speed(self, Py_ssize_t wheel, double speed) noexcept nogil
     cdef void interval(
         self, Py_ssize_t wheel, Py_ssize_t entry, double[::1] result, Py_ssize_t at

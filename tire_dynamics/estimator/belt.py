@@ -145,7 +145,7 @@ class BeltMotion:
         self.room = _ROOM
         self.waiting = np.zeros(wheels, dtype=np.int64).data
         self.length = np.zeros(wheels * _ROOM, dtype=np.int64).data
-        self.held = _zeros(3 * wheels * _ROOM)
+        self.inputs = _zeros(3 * wheels * _ROOM)
         self._set_modes(RingModes(unit, numbers, model))
         for wheel in range(wheels):
             self._eigensystem(wheel, 0.0)
@@ -212,7 +212,7 @@ class BeltMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def hold(
+    def enqueue(
         self,
         wheel: cython.Py_ssize_t,
         length: cython.longlong,
@@ -225,26 +225,26 @@ class BeltMotion:
         last: cython.Py_ssize_t = first + self.waiting[wheel] - 1
         if (
             self.waiting[wheel]
-            and self.held[3 * last] == speed
-            and self.held[3 * last + 1] == load
-            and self.held[3 * last + 2] == traction
+            and self.inputs[3 * last] == speed
+            and self.inputs[3 * last + 1] == load
+            and self.inputs[3 * last + 2] == traction
         ):
             self.length[last] += length
             return
         if self.waiting[wheel] == self.room:
-            self.take(wheel)
+            self.advance_queue(wheel)
             last = first + self.waiting[wheel] - 1
         last += 1
         self.waiting[wheel] += 1
         self.length[last] = length
-        self.held[3 * last] = speed
-        self.held[3 * last + 1] = load
-        self.held[3 * last + 2] = traction
+        self.inputs[3 * last] = speed
+        self.inputs[3 * last + 1] = load
+        self.inputs[3 * last + 2] = traction
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def take(self, wheel: cython.Py_ssize_t) -> cython.void:
+    def advance_queue(self, wheel: cython.Py_ssize_t) -> cython.void:
         """Go through the intervals that are over, and to the beginning of the last."""
         first: cython.Py_ssize_t = wheel * self.room
         last: cython.Py_ssize_t = first + self.waiting[wheel] - 1
@@ -253,13 +253,13 @@ class BeltMotion:
         if not self.waiting[wheel]:
             return
         for entry in range(first, last + 1):
-            if self.held[3 * entry] != self.speed[wheel]:
-                self.change_speed(wheel, self.held[3 * entry])
+            if self.inputs[3 * entry] != self.speed[wheel]:
+                self.change_speed(wheel, self.inputs[3 * entry])
             if entry < last:
                 self.interval(wheel, entry, self.own, 2 * wheel * self.M)
         self.length[first] = self.length[last]
         for k in range(3):
-            self.held[3 * first + k] = self.held[3 * last + k]
+            self.inputs[3 * first + k] = self.inputs[3 * last + k]
         self.waiting[wheel] = 1
 
     @cython.cfunc
@@ -329,8 +329,8 @@ class BeltMotion:
         own: cython.Py_ssize_t = 2 * wheel * M
         row: cython.Py_ssize_t = 4 * wheel * M
         e: cython.Py_ssize_t
-        radial: cython.double = -self.held[3 * entry + 1]
-        tangential: cython.double = -self.held[3 * entry + 2]
+        radial: cython.double = -self.inputs[3 * entry + 1]
+        tangential: cython.double = -self.inputs[3 * entry + 2]
         p: cython.double
         q: cython.double
         a: cython.double
@@ -366,12 +366,12 @@ class BeltMotion:
         up: cython.Py_ssize_t = q + (4 if self.complete else 2)
         # the n = 1 part, relative to the wheel's centre
         y = motion.state[up]
-        x = 0.0 if motion.held else motion.state[up + 1]
+        x = 0.0 if motion.rigid else motion.state[up + 1]
         self.rows[0] = motion.state[q] - x
         self.rows[1] = motion.state[q + 1] - y
         self.rows[B] = (motion.state[q + 2] if self.complete else motion.state[q + 1]) - y
         self.rows[B + 1] = motion.state[q + 3] + x if self.complete else x - motion.state[q]
-        self.take(wheel)
+        self.advance_queue(wheel)
         if self.waiting[wheel]:
             self.interval(wheel, wheel * self.room, self.shown, 0)
         else:
@@ -401,7 +401,7 @@ class BeltMotion:
     def advance(self, index: int, length: int, speed: float, load: float, traction: float = 0.0) -> None:
         """Go on by a length [ns] under a speed [rad/s], a load and a traction [N] that are held."""
         check_wheel(index, self.wheels)
-        self.hold(index, length, speed, load, traction)
+        self.enqueue(index, length, speed, load, traction)
 
     def deflection(self, index: int, motion: Motion) -> FloatArray:
         """Radial and tangential deflection relative to the wheel centre [m], shape (2, P), with the n = 1 motion."""
@@ -419,7 +419,7 @@ class BeltMotion:
 
     def _state_now(self, wheel: int) -> FloatArray:
         """The state x, shape (2, N, K)."""
-        self.take(wheel)
+        self.advance_queue(wheel)
         if not self.waiting[wheel]:
             return self._state(wheel)
         self.interval(wheel, wheel * self.room, self.shown, 0)
@@ -450,14 +450,14 @@ class BeltMotion:
     def snapshot(self, index: int) -> dict[str, Any]:
         """Everything of a wheel that later results depend on, in JSON's types."""
         check_wheel(index, self.wheels)
-        self.take(index)
+        self.advance_queue(index)
         first, M = index * self.room, self.M
         own = np.array(self.own[2 * index * M : 2 * (index + 1) * M]).reshape(2, self.N, self.K)
-        held = [float(self.held[3 * first + k]) for k in range(3)]
+        inputs = [float(self.inputs[3 * first + k]) for k in range(3)]
         return {
             "speed": float(self.speed[index]),
             "own": own.tolist(),
-            "interval": [int(self.length[first]), *held] if self.waiting[index] else None,
+            "interval": [int(self.length[first]), *inputs] if self.waiting[index] else None,
         }
 
     def restore(self, index: int, snapshot: Mapping[str, Any]) -> None:
@@ -472,7 +472,7 @@ class BeltMotion:
         self._put(index, own)
         if snapshot["interval"] is not None:
             length, speed, load, traction = snapshot["interval"]
-            self.hold(index, int(length), float(speed), float(load), float(traction))
+            self.enqueue(index, int(length), float(speed), float(load), float(traction))
 
 
 def _zeros(count: int) -> memoryview:

@@ -193,7 +193,7 @@ class CarFilter:
     balance: cython.double[::1]
     spread: cython.double[::1]
     learnt: cython.double[::1]
-    told: cython.double[::1]
+    innovations: cython.double[::1]
     constant: cython.double[::1]
     rate: cython.double[::1]
     push: cython.double[::1]
@@ -242,7 +242,7 @@ class CarFilter:
 
     def __init__(self, vehicle: VehicleParameters, noise: SensorNoise) -> None:
         car = CarEquations(vehicle, noise)
-        sizes = {"x": 24, "p": 24 * 24, "a": 24 * 17, "b": 7, "balance": 4, "spread": 4, "learnt": 6, "told": 8}
+        sizes = {"x": 24, "p": 24 * 24, "a": 24 * 17, "b": 7, "balance": 4, "spread": 4, "learnt": 6, "innovations": 8}
         self.buffer = np.zeros(sum(sizes.values()))
         views, begin = {}, 0
         for name, size in sizes.items():
@@ -253,7 +253,7 @@ class CarFilter:
         self.b = views["b"]
         self.balance, self.spread = views["balance"], views["spread"]
         self.learnt = views["learnt"]  # roughness, its information, manoeuvres^2, its information, speed, is it known
-        self.told = views["told"]  # of each source: sum and number of squared innovations, the older the less
+        self.innovations = views["innovations"]  # each source's sum and number of squares, fading
         self.constant, self.rate, self.push = _flat(car.constant), _flat(car.rate), _flat(car.push)
         self.damp, self.half, self.mean = _flat(car.damp), _flat(car.damper_half), _flat(car.damper_mean)
         self.warp, self.tilt, self.drift, self.start = map(_flat, (car.warp, car.tilt, car.drift, car.start))
@@ -458,7 +458,7 @@ class CarFilter:
         self.learnt[1] *= fade
         self.learnt[3] *= fade
         for i in range(8):
-            self.told[i] *= fade
+            self.innovations[i] *= fade
 
     # -- what is measured -----------------------------------------------------------------------------------
 
@@ -557,8 +557,8 @@ class CarFilter:
                 for k in range(j + 1):
                     self.inverse[i * _MOST + k] -= self.lower[i * _MOST + j] * self.inverse[j * _MOST + k]
             value = e * e / self.variance[i]
-            self.told[2 * source] += value
-            self.told[2 * source + 1] += 1.0
+            self.innovations[2 * source] += value
+            self.innovations[2 * source + 1] += 1.0
             if source > 0:
                 place = 2 if source == 1 and (self.white[i] == 1.0 or self.white[i] == 2.0) else 0
                 self.learn(place, value, prior / self.variance[i])
@@ -655,7 +655,7 @@ class CarFilter:
 
         1 where equations and noise are what they were told to be; NaN of a source that told nothing.
         """
-        each = [(self.told[2 * k], self.told[2 * k + 1]) for k in range(4)]
+        each = [(self.innovations[2 * k], self.innovations[2 * k + 1]) for k in range(4)]
         return [total / number if number > 0.5 else math.nan for total, number in each]
 
 

@@ -11,7 +11,7 @@ cdef class Motion:
     cdef Py_ssize_t harmonics
     cdef bint rotating
     cdef bint varying
-    cdef bint held
+    cdef bint rigid
     cdef bint complete
     cdef double highest
     cdef double[::1] state

@@ -133,7 +133,7 @@ class Motion:
         self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
         n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
-        self.rotating, self.varying, self.held = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
+        self.rotating, self.varying, self.rigid = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
         self.harmonics, self.highest = 2, parts.highest
         # of the accelerations alone: the displacements' rows only say that their rates are the velocities
         self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
@@ -660,7 +660,7 @@ class Motion:
                 bounded = False
             x += (self.output[k] + speed * self.output_spin[k]) * value
             z += (self.output[n + k] + speed * self.output_spin[n + k]) * value
-        if self.varying and self.held:
+        if self.varying and self.rigid:
             # what the springs beyond their mean add to the force on a held wheel; x_ros = -X
             self.angles[0] = 2.0 * self.phase[wheel]
             grow(1, 0, self.none, self.angles, 1.0, self.cosines, self.sines)

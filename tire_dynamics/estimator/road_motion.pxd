@@ -35,7 +35,7 @@ cdef class RoadMotion:
     cdef double[::1] pushed
     cdef double[::1] ahead
     cdef double[::1] way
-    cdef double[::1] told
+    cdef double[::1] edge_height
     cdef double[::1] knots
     cdef long long[::1] knot
     cdef long long[::1] known
@@ -43,7 +43,7 @@ cdef class RoadMotion:
     cdef double reach_of_patch
     cdef double[::1] variation
     cdef double[::1] wave
-    cdef double[::1] turning
+    cdef double[::1] angle
     cdef double[::1] net
     cdef double[::1] pull
     cdef double[::1] pull_begin
@@ -154,27 +154,27 @@ cdef class RoadMotion:
 
     cdef void rest_at(self, Py_ssize_t wheel) noexcept nogil
     cdef void amplitudes(self, Py_ssize_t wheel, double[::1] own) noexcept nogil
-    cdef void look_at(self, bint mean) noexcept nogil
-    cdef void look(self, Py_ssize_t wheel) noexcept nogil
-    cdef void turn(self, Py_ssize_t wheel, double speed) noexcept nogil
-    cdef void tabulate(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
-    cdef double seen_one(self, Py_ssize_t slot, Py_ssize_t which, Py_ssize_t i, Py_ssize_t j) noexcept nogil
-    cdef double mean_one(self, Py_ssize_t slot, Py_ssize_t which, Py_ssize_t i, Py_ssize_t j) noexcept nogil
+    cdef void displacements_at_points(self, bint mean) noexcept nogil
+    cdef void set_before(self, Py_ssize_t wheel) noexcept nogil
+    cdef void change_speed(self, Py_ssize_t wheel, double speed) noexcept nogil
+    cdef void tabulate_step(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
+    cdef double end_response(self, Py_ssize_t slot, Py_ssize_t which, Py_ssize_t i, Py_ssize_t j) noexcept nogil
+    cdef double mean_response(self, Py_ssize_t slot, Py_ssize_t which, Py_ssize_t i, Py_ssize_t j) noexcept nogil
     cdef void set_matrix(self, Py_ssize_t wheel) noexcept nogil
     cdef Py_ssize_t order_of(self, Py_ssize_t wheel, double length) noexcept nogil
     cdef void next_row(self, Py_ssize_t row, double part, bint force) noexcept nogil
     cdef void unit_responses(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
-    cdef void set_law(self, Py_ssize_t slot, double length) noexcept nogil
-    cdef void free(
+    cdef void set_contact_conditions(self, Py_ssize_t slot, double length) noexcept nogil
+    cdef void free_deflection(
         self, Py_ssize_t wheel, Py_ssize_t slot, double length, double phase, double traction, double traction_change
     ) noexcept nogil
-    cdef void pulled(
+    cdef void traction_response(
         self, Py_ssize_t wheel, Py_ssize_t slot, double length, double traction, double traction_change
     ) noexcept nogil
-    cdef double settle(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
-    cdef void complementary(self, Py_ssize_t slot) noexcept nogil
-    cdef void take(self, Py_ssize_t wheel, Py_ssize_t slot) noexcept nogil
-    cdef double trial(
+    cdef double solve_contact(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
+    cdef void solve_complementarity(self, Py_ssize_t slot) noexcept nogil
+    cdef void finish_step(self, Py_ssize_t wheel, Py_ssize_t slot) noexcept nogil
+    cdef double try_part(
         self, Py_ssize_t wheel, double done, double t, bint touching, double length, double phase, double traction,
         double traction_change
     ) noexcept nogil
@@ -186,21 +186,21 @@ cdef class RoadMotion:
     cdef void whole_step(
         self, Py_ssize_t wheel, double length, double phase, double traction, double traction_change
     ) noexcept nogil
-    cdef void keep(self, Py_ssize_t wheel, bint back) noexcept nogil
-    cdef void sidewall(self, Py_ssize_t wheel, double phase, double[::1] pull) noexcept nogil
+    cdef void save_or_restore(self, Py_ssize_t wheel, bint back) noexcept nogil
+    cdef void sidewall_pull(self, Py_ssize_t wheel, double phase, double[::1] pull) noexcept nogil
     cdef void net_of(self, Py_ssize_t wheel) noexcept nogil
-    cdef void push_one(self) noexcept nogil
-    cdef double pull_part(self, Py_ssize_t k, double here, bint change) noexcept nogil
-    cdef void push_belt(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
-    cdef void turned_out(self, Py_ssize_t wheel, double speed, double length) noexcept nogil
+    cdef void pull_on_first_mode(self) noexcept nogil
+    cdef double pull_of_part(self, Py_ssize_t k, double here, bint change) noexcept nogil
+    cdef void pull_on_belt(self, Py_ssize_t wheel, Py_ssize_t slot, double length) noexcept nogil
+    cdef void set_road_and_runout(self, Py_ssize_t wheel, double speed, double length) noexcept nogil
     cdef double pieces_of(self, Py_ssize_t wheel, double seconds, double speed) noexcept nogil
-    cdef void drive_on(
+    cdef void advance_wheel(
         self, Py_ssize_t wheel, double seconds, double speed, double height, double angle
     ) noexcept nogil
-    cdef void lay(self, Py_ssize_t wheel, double move, double height) noexcept nogil
-    cdef void put_knot(self, Py_ssize_t wheel, bint forward, double place, double height) noexcept nogil
+    cdef void extend_profile(self, Py_ssize_t wheel, double move, double height) noexcept nogil
+    cdef void add_knot(self, Py_ssize_t wheel, bint forward, double place, double height) noexcept nogil
     cdef double height_at(self, Py_ssize_t wheel, double place) noexcept nogil
-    cdef void lose(self, Py_ssize_t wheel) noexcept nogil
+    cdef void mark_diverged(self, Py_ssize_t wheel) noexcept nogil
     cdef void publish_now(self, Py_ssize_t wheel) noexcept nogil
     cdef bint axle_force_and_norm(self, Py_ssize_t wheel, double speed) noexcept nogil
-    cdef void show(self, Py_ssize_t wheel) noexcept nogil
+    cdef void set_belt(self, Py_ssize_t wheel) noexcept nogil

@@ -161,7 +161,7 @@ class RoadMotion:
         self.z = zeros(W * 2 * self.H)
         self.rest = zeros(W * 2 * self.H)
         self.speed = np.full(W, math.nan).data
-        self.way, self.told = zeros(W), zeros(W)
+        self.way, self.edge_height = zeros(W), zeros(W)
         self.knots = zeros(2 * W * _KNOTS) if P > 1 else zeros(0)
         self.knot, self.known = (np.zeros(W, dtype=np.int64).data for _ in range(2))
         for w in range(W):
@@ -192,7 +192,7 @@ class RoadMotion:
         self.small, self.gap = zeros(self.half * (self.half + 1)), zeros(2)
         angles = max(3 * self.runouts, 2)
         self.angles, self.none, self.c, self.s = zeros(angles), zeros(angles), zeros(angles), zeros(angles)
-        self.wave, self.turning = zeros(4 * self.uneven + 4), zeros(1)
+        self.wave, self.angle = zeros(4 * self.uneven + 4), zeros(1)
         self.net, self.pull = zeros(2 * width), zeros(2 * width)
         self.pull_begin, self.pull_end = zeros(2 * width), zeros(2 * width)
         self.kept = zeros(2 * self.M + 2 * H + 3 * self.points + 1)
@@ -231,7 +231,7 @@ class RoadMotion:
         wanted = pressed - np.outer(self.loads, np.asarray(self.share) * np.asarray(self.soft))
         first, lift = np.asarray(self.first).reshape(W, P), np.asarray(self.lift).reshape(W, P)
         for w in range(W):
-            self.look(w)
+            self.set_before(w)
             first[w] += before[w] - wanted[w]
             lift[w] -= before[w] - wanted[w]
             before[w] = wanted[w]
@@ -261,11 +261,11 @@ class RoadMotion:
         first[here], lift[here] = lift[here], 0.0
         np.asarray(self.forces)[here] = self.loads[w] * np.asarray(self.share)
         np.asarray(self.base)[here] = 0.0
-        self.origin[w], self.way[w], self.told[w] = height, 0.0, 0.0
-        self.know(w, [0.0], [0.0])
+        self.origin[w], self.way[w], self.edge_height[w] = height, 0.0, 0.0
+        self.set_profile(w, [0.0], [0.0])
         self.motion.phase[w] = angle
         np.asarray(self.slope)[:] = 0.0
-        self.turned_out(w, 0.0, 0.0)
+        self.set_road_and_runout(w, 0.0, 0.0)
         np.asarray(self.road)[here] = np.asarray(self.before)[here] = np.asarray(self.end) + 0.0
         self.contact[w] = self.loads[w]
         self.touching[w] = 1
@@ -329,7 +329,7 @@ class RoadMotion:
                 self.rest_own[2 * wheel * M + e] = total * self.belt.steady[at + e]
                 self.rest_own[2 * wheel * M + M + e] = total * self.belt.steady[at + M + e]
         self.amplitudes(wheel, self.rest_own)
-        self.look_at(False)
+        self.displacements_at_points(False)
         for j in range(P):
             total = self.tangents[j] * self.rest[first + H] - self.rest[first + H + 1]
             total += self.moved_end[j]
@@ -364,7 +364,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def look_at(self, mean: cython.bint) -> cython.void:
+    def displacements_at_points(self, mean: cython.bint) -> cython.void:
         """The harmonics' displacement at each point into ``moved_end``, of ``Z_end``; and of ``Z_mean``, if asked."""
         N: cython.Py_ssize_t = self.N
         P: cython.Py_ssize_t = self.points
@@ -397,13 +397,13 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def look(self, wheel: cython.Py_ssize_t) -> cython.void:
+    def set_before(self, wheel: cython.Py_ssize_t) -> cython.void:
         """``before`` from the state."""
         P: cython.Py_ssize_t = self.points
         q: cython.Py_ssize_t = wheel * 2 * self.H + self.H
         j: cython.Py_ssize_t
         self.amplitudes(wheel, self.own)
-        self.look_at(False)
+        self.displacements_at_points(False)
         for j in range(P):
             self.before[wheel * P + j] = (
                 (self.tangents[j] * self.z[q] - self.z[q + 1])
@@ -415,7 +415,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def turn(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.void:
+    def change_speed(self, wheel: cython.Py_ssize_t, speed: cython.double) -> cython.void:
         """Go on at another speed: the velocities jump by the Euler terms' integral."""
         M: cython.Py_ssize_t = self.M
         H: cython.Py_ssize_t = self.H
@@ -453,7 +453,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def tabulate(
+    def tabulate_step(
         self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double
     ) -> cython.void:
         """What a step of a length [s] at the present speed does, into a slot."""
@@ -509,16 +509,16 @@ class RoadMotion:
                 k = slot * P * P + i * P + j
                 d = 4 * (j - i + P - 1)
                 u = 1.0 / (self.cosines[i] * self.cosines[j])
-                self.ends_a[k] = self.lags[d] * u + self.seen_one(slot, 0, i, j)
-                self.ends_b[k] = self.lags[d + 1] * u + self.seen_one(slot, 1, i, j)
-                self.means_a[k] = self.lags[d + 2] * u + self.mean_one(slot, 0, i, j)
-                self.means_b[k] = self.lags[d + 3] * u + self.mean_one(slot, 1, i, j)
-        self.set_law(slot, length)
+                self.ends_a[k] = self.lags[d] * u + self.end_response(slot, 0, i, j)
+                self.ends_b[k] = self.lags[d + 1] * u + self.end_response(slot, 1, i, j)
+                self.means_a[k] = self.lags[d + 2] * u + self.mean_response(slot, 0, i, j)
+                self.means_b[k] = self.lags[d + 3] * u + self.mean_response(slot, 1, i, j)
+        self.set_contact_conditions(slot, length)
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def seen_one(
+    def end_response(
         self, slot: cython.Py_ssize_t, which: cython.Py_ssize_t, i: cython.Py_ssize_t, j: cython.Py_ssize_t
     ) -> cython.double:
         """What n = 1 moves point i at the end, under a force a (0) or b (1) on point j."""
@@ -531,7 +531,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def mean_one(
+    def mean_response(
         self, slot: cython.Py_ssize_t, which: cython.Py_ssize_t, i: cython.Py_ssize_t, j: cython.Py_ssize_t
     ) -> cython.double:
         v: cython.Py_ssize_t = slot * 8 + 2 * which
@@ -627,7 +627,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def set_law(self, slot: cython.Py_ssize_t, length: cython.double) -> cython.void:
+    def set_contact_conditions(self, slot: cython.Py_ssize_t, length: cython.double) -> cython.void:
         """The two conditions of each point as a matrix of [a, b], and its factors."""
         P: cython.Py_ssize_t = self.points
         at: cython.Py_ssize_t = slot * P * P
@@ -660,7 +660,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def free(
+    def free_deflection(
         self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double, phase: cython.double,
         traction: cython.double, traction_change: cython.double,
     ) -> cython.void:
@@ -688,7 +688,7 @@ class RoadMotion:
             grow(1, 0, self.none, self.angles, 1.0, self.c, self.s)
             c, s = self.c[0], self.s[0]
         if self.varying:
-            self.push_one()
+            self.pull_on_first_mode()
         for k in range(order):
             if k < 2 or self.heavy:
                 for r in range(H):
@@ -730,10 +730,10 @@ class RoadMotion:
         for k in range(M):
             self.real[k] = self.imaginary[k] = 0.0
         if traction != 0.0 or traction_change != 0.0:
-            self.pulled(wheel, slot, length, traction, traction_change)
+            self.traction_response(wheel, slot, length, traction, traction_change)
         if self.varying:
-            self.push_belt(wheel, slot, length)
-        self.look_at(True)
+            self.pull_on_belt(wheel, slot, length)
+        self.displacements_at_points(True)
         for j in range(P):
             k = wheel * P + j
             self.D_end[j] = (
@@ -748,7 +748,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def pulled(
+    def traction_response(
         self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double, traction: cython.double,
         traction_change: cython.double,
     ) -> cython.void:
@@ -792,7 +792,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def settle(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double) -> cython.double:
+    def solve_contact(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double) -> cython.double:
         """Forces beyond the static ones into ``alpha`` and ``beta``; of one point, b if the contact could pull [N]."""
         P: cython.Py_ssize_t = self.points
         j: cython.Py_ssize_t
@@ -813,7 +813,7 @@ class RoadMotion:
                 )
             self.least[j] = self.least[P + j] = -(self.static[wheel] * self.share[j])
         if P > 1:
-            self.complementary(slot)
+            self.solve_complementarity(slot)
             for j in range(P):
                 self.alpha[j], self.beta[j] = self.unknown[j], self.unknown[P + j]
             return 0.0
@@ -838,7 +838,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def complementary(self, slot: cython.Py_ssize_t) -> cython.void:
+    def solve_complementarity(self, slot: cython.Py_ssize_t) -> cython.void:
         """x >= least with y = law x - right >= 0 and one of the two bounds met in every row, into ``unknown``.
 
         By block pivoting from all in contact, and by Murty's rule of the least index when that has gone on for long.
@@ -898,7 +898,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def take(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t) -> cython.void:
+    def finish_step(self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t) -> cython.void:
         """Go to the end of a step whose forces are there."""
         H: cython.Py_ssize_t = self.H
         M: cython.Py_ssize_t = self.M
@@ -952,7 +952,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def trial(
+    def try_part(
         self, wheel: cython.Py_ssize_t, done: cython.double, t: cython.double, touching: cython.bint,
         length: cython.double, phase: cython.double, traction: cython.double, traction_change: cython.double,
     ) -> cython.double:
@@ -972,14 +972,14 @@ class RoadMotion:
         self.mid[0] = 0.5 * (low + high) + self.curve * d * d / 6.0
         if slot == wheel:
             self.mid[0] = self.whole_mean
-        self.tabulate(wheel, slot, h)
+        self.tabulate_step(wheel, slot, h)
         self.part_begin, self.part = done, d
-        self.free(
+        self.free_deflection(
             wheel, slot, h, phase + self.speed[wheel] * length * done, traction + traction_change * done,
             traction_change * d,
         )  # fmt: skip
         if touching:
-            return -self.settle(wheel, slot, h)
+            return -self.solve_contact(wheel, slot, h)
         least = -(self.static[wheel] * self.share[0])
         self.alpha[0] = self.beta[0] = least
         pressed = self.D_end[0] + (self.ends_a[slot] + self.ends_b[slot]) * least
@@ -1063,7 +1063,7 @@ class RoadMotion:
         self.curve = 6.0 * (self.mid[0] - 0.5 * (self.whole_begin + self.whole_end))
         for part in range(_MOST_PARTS):
             t = 1.0
-            beyond = self.trial(wheel, done, t, touching, length, phase, traction, traction_change)
+            beyond = self.try_part(wheel, done, t, touching, length, phase, traction, traction_change)
             cut = beyond > 0.0 and part < _MOST_PARTS - 1
             if cut:
                 low, high, f_high, side, found = done, 1.0, beyond, 0, False
@@ -1078,7 +1078,7 @@ class RoadMotion:
                         t = 0.5 * (low + high)
                     if not (low < t and t < high):
                         break
-                    f = self.trial(wheel, done, t, touching, length, phase, traction, traction_change)
+                    f = self.try_part(wheel, done, t, touching, length, phase, traction, traction_change)
                     if abs(f) <= _EXACT or t - done < _SHARP:
                         found = True
                         break
@@ -1095,13 +1095,13 @@ class RoadMotion:
                 if not found:
                     t = low
                     if low > done:
-                        self.trial(wheel, done, t, touching, length, phase, traction, traction_change)
+                        self.try_part(wheel, done, t, touching, length, phase, traction, traction_change)
             elif beyond > 0.0:
                 slot = wheel if done == 0.0 else self.wheels
-                self.settle(wheel, slot, (1.0 - done) * length)
+                self.solve_contact(wheel, slot, (1.0 - done) * length)
             if t > done:
                 slot = wheel if done == 0.0 and t == 1.0 else self.wheels
-                self.take(wheel, slot)
+                self.finish_step(wheel, slot)
             if not cut:
                 break
             touching = not touching
@@ -1126,16 +1126,16 @@ class RoadMotion:
         end: cython.double = 0.0
         mid: cython.double = 0.0
         if self.varying:
-            self.sidewall(wheel, phase, self.pull_begin)
+            self.sidewall_pull(wheel, phase, self.pull_begin)
             for k in range(4 * self.coupled + 4):
                 self.pull_end[k] = self.pull_begin[k]
             if P == 1:
                 end, mid = self.end[0], self.mid[0]
-            self.keep(wheel, False)
+            self.save_or_restore(wheel, False)
             for _ in range(self.rounds - 1):
                 self.whole_step(wheel, length, phase, traction, traction_change)
-                self.sidewall(wheel, turned, self.pull_end)
-                self.keep(wheel, True)
+                self.sidewall_pull(wheel, turned, self.pull_end)
+                self.save_or_restore(wheel, True)
                 if P == 1:
                     self.end[0], self.mid[0] = end, mid
         self.whole_step(wheel, length, phase, traction, traction_change)
@@ -1156,17 +1156,17 @@ class RoadMotion:
             self.parts(wheel, length, phase, traction, traction_change)
             return
         self.part_begin, self.part = 0.0, 1.0
-        self.tabulate(wheel, wheel, length)
-        self.free(wheel, wheel, length, phase, traction, traction_change)
-        self.settle(wheel, wheel, length)
-        self.take(wheel, wheel)
+        self.tabulate_step(wheel, wheel, length)
+        self.free_deflection(wheel, wheel, length, phase, traction, traction_change)
+        self.solve_contact(wheel, wheel, length)
+        self.finish_step(wheel, wheel)
 
     # -- a sidewall that varies ------------------------------------------------------------------------------------
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def keep(self, wheel: cython.Py_ssize_t, back: cython.bint) -> cython.void:
+    def save_or_restore(self, wheel: cython.Py_ssize_t, back: cython.bint) -> cython.void:
         """Put aside what a step changes of a wheel, or take it ``back``."""
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t = 0
@@ -1198,7 +1198,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def sidewall(
+    def sidewall_pull(
         self, wheel: cython.Py_ssize_t, phase: cython.double, pull: cython.double[::1]
     ) -> cython.void:
         """What the sidewall pulls beyond its mean at the present state, the wheel being turned by an angle.
@@ -1222,8 +1222,8 @@ class RoadMotion:
         x: cython.double
         y: cython.double
         self.net_of(wheel)
-        self.turning[0] = phase
-        grow(1, 0, self.none, self.turning, 1.0, self.c, self.s)
+        self.angle[0] = phase
+        grow(1, 0, self.none, self.angle, 1.0, self.c, self.s)
         x, y = self.c[0], self.s[0]
         u, v = 1.0, 0.0
         for j in range(J + 1):  # exp(i j phi), and P
@@ -1327,7 +1327,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def push_one(self) -> cython.void:
+    def pull_on_first_mode(self) -> cython.void:
         """What the sidewall's pull does to n = 1, the wheel and the wind-up at a part's begin, and its change there."""
         at: cython.Py_ssize_t = 2 * self.coupled + 2
         to: cython.Py_ssize_t
@@ -1340,9 +1340,9 @@ class RoadMotion:
         here: cython.double
         for k in range(2):
             here = self.part_begin if k == 0 else self.part
-            x, y = self.pull_part(2, here, k), self.pull_part(3, here, k)
-            u, v = self.pull_part(at + 2, here, k), self.pull_part(at + 3, here, k)
-            wound = self.pull_part(at, here, k)
+            x, y = self.pull_of_part(2, here, k), self.pull_of_part(3, here, k)
+            u, v = self.pull_of_part(at + 2, here, k), self.pull_of_part(at + 3, here, k)
+            wound = self.pull_of_part(at, here, k)
             to = k * self.H
             if self.complete:
                 self.pushed[to], self.pushed[to + 1], self.pushed[to + 2], self.pushed[to + 3] = x, y, u, v
@@ -1360,7 +1360,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def pull_part(self, k: cython.Py_ssize_t, here: cython.double, change: cython.bint) -> cython.double:
+    def pull_of_part(self, k: cython.Py_ssize_t, here: cython.double, change: cython.bint) -> cython.double:
         """The line of a pull at a part of the step, or how much of its change lies in one."""
         more: cython.double = (self.pull_end[k] - self.pull_begin[k]) * here
         return more if change else self.pull_begin[k] + more
@@ -1368,7 +1368,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def push_belt(
+    def pull_on_belt(
         self, wheel: cython.Py_ssize_t, slot: cython.Py_ssize_t, length: cython.double
     ) -> cython.void:
         """What it adds to the other harmonics: own coordinates at the end, and amplitudes there and in the mean."""
@@ -1401,8 +1401,8 @@ class RoadMotion:
             ratio = 0.0 if self.complete else stretch_at(self.belt.table, i, square)
             for k in range(2):
                 here = self.part_begin if k == 0 else self.part
-                x, y = self.pull_part(2 * n, here, k), self.pull_part(2 * n + 1, here, k)
-                u, v = self.pull_part(other + 2 * n, here, k), self.pull_part(other + 2 * n + 1, here, k)
+                x, y = self.pull_of_part(2 * n, here, k), self.pull_of_part(2 * n + 1, here, k)
+                u, v = self.pull_of_part(other + 2 * n, here, k), self.pull_of_part(other + 2 * n + 1, here, k)
                 if not self.complete:  # (G_r + i A/C G_t)/(1 + A/(n C))
                     a = 1.0 / (1.0 + ratio / n)
                     x, y = a * (x - ratio * v), a * (y + ratio * u)
@@ -1441,7 +1441,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def turned_out(
+    def set_road_and_runout(
         self, wheel: cython.Py_ssize_t, speed: cython.double, length: cython.double
     ) -> cython.void:
         """``end`` and ``mid`` from ``base`` and ``slope``, and run-out: at a step's end and in the mean over it."""
@@ -1488,7 +1488,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def drive_on(
+    def advance_wheel(
         self,
         wheel: cython.Py_ssize_t,
         seconds: cython.double,
@@ -1512,17 +1512,17 @@ class RoadMotion:
         if angle == angle:
             self.motion.phase[wheel] = angle
         if speed != self.speed[wheel]:
-            self.turn(wheel, speed)
+            self.change_speed(wheel, speed)
         pieces = self.pieces_of(wheel, seconds, speed)
         if not pieces <= _MOST_STEPS:
-            self.lose(wheel)
+            self.mark_diverged(wheel)
             return
         count = cython.cast(cython.Py_ssize_t, pieces)
         way = self.way[wheel]
         move = self.radius * speed * seconds
         if P > 1:
-            self.lay(wheel, move, target)
-            self.told[wheel] = target
+            self.extend_profile(wheel, move, target)
+            self.edge_height[wheel] = target
         begin = self.base[wheel]
         for k in range(count):
             if P > 1:
@@ -1533,7 +1533,7 @@ class RoadMotion:
                 self.slope[0] = target - self.base[wheel]
             else:
                 self.slope[0] = (target - begin) / pieces
-            self.turned_out(wheel, speed, seconds / pieces)
+            self.set_road_and_runout(wheel, speed, seconds / pieces)
             for j in range(P):
                 self.base[wheel * P + j] += self.slope[j]
             self.step(wheel, seconds / pieces, 0.0, 0.0)
@@ -1546,7 +1546,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def lay(self, wheel: cython.Py_ssize_t, move: cython.double, height: cython.double) -> cython.void:
+    def extend_profile(self, wheel: cython.Py_ssize_t, move: cython.double, height: cython.double) -> cython.void:
         """Lay the road ahead of the patch's edge in the direction of a way [m], along a line to a height [m].
 
         Heights that are told lie there. A wheel that stands is lifted as a whole by a road that moves.
@@ -1558,7 +1558,7 @@ class RoadMotion:
         edge: cython.double
         there: cython.double
         if move == 0.0:
-            there = height - self.told[wheel]
+            there = height - self.edge_height[wheel]
             for k in range(_KNOTS):
                 self.knots[at + _KNOTS + k] += there
             return
@@ -1574,7 +1574,7 @@ class RoadMotion:
                 if not forward:
                     self.knot[wheel] += 1
                 self.known[wheel] -= 1
-            self.put_knot(wheel, forward, edge, there)
+            self.add_knot(wheel, forward, edge, there)
         last = self.known[wheel] - 1
         if last > 0:  # close to the one before: in its place
             k = at + ((self.knot[wheel] + (last - 1 if forward else 1)) & (_KNOTS - 1))
@@ -1582,12 +1582,12 @@ class RoadMotion:
                 if not forward:
                     self.knot[wheel] += 1
                 self.known[wheel] -= 1
-        self.put_knot(wheel, forward, edge + move, height)
+        self.add_knot(wheel, forward, edge + move, height)
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def put_knot(
+    def add_knot(
         self, wheel: cython.Py_ssize_t, forward: cython.bint, place: cython.double, height: cython.double
     ) -> cython.void:
         """One more knot of the profile, and without those that lie beyond the patch's other edge, but for one."""
@@ -1637,7 +1637,7 @@ class RoadMotion:
             (place - self.knots[k]) / (self.knots[m] - self.knots[k])
         )
 
-    def know(self, index: int, places: Sequence[float], heights: Sequence[float]) -> None:
+    def set_profile(self, index: int, places: Sequence[float], heights: Sequence[float]) -> None:
         """Have these knots, ascending, as the profile under the points of a wheel."""
         if self.points == 1:
             return
@@ -1645,18 +1645,18 @@ class RoadMotion:
         self.knot[index], self.known[index] = 0, len(places)
         knots[index, 0, : len(places)], knots[index, 1, : len(places)] = places, heights
 
-    def _told(self, index: int) -> dict[str, Any]:
+    def _profile_snapshot(self, index: int) -> dict[str, Any]:
         """What is known of the road under several points: how far a wheel has come, and places and heights of knots."""
         if self.points == 1:
             return {}
         knots = np.asarray(self.knots).reshape(self.wheels, 2, _KNOTS)[index]
         profile = knots[:, (self.knot[index] + np.arange(self.known[index])) % _KNOTS].tolist()
-        return {"way": float(self.way[index]), "told": float(self.told[index]), "profile": profile}
+        return {"way": float(self.way[index]), "edge_height": float(self.edge_height[index]), "profile": profile}
 
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def lose(self, wheel: cython.Py_ssize_t) -> cython.void:
+    def mark_diverged(self, wheel: cython.Py_ssize_t) -> cython.void:
         k: cython.Py_ssize_t
         for k in range(2 * self.H):
             self.z[wheel * 2 * self.H + k] = _NAN
@@ -1697,7 +1697,7 @@ class RoadMotion:
             value = self.c_s * self.z[first + H - 1] + self.k_s * self.z[first + 2 * H - 1]
             self.motion.force_z -= value
         if self.varying and self.held_mass != 0.0:  # what holds the wheel feels the whole sidewall
-            self.sidewall(wheel, self.motion.phase[wheel], self.pull)
+            self.sidewall_pull(wheel, self.motion.phase[wheel], self.pull)
             k = 2 * self.coupled + 2
             self.motion.force_x += self.held_mass * (
                 self.pull[2] - self.pull[k + 3] if self.complete else 0.5 * (self.pull[2] - self.pull[k + 3])
@@ -1710,7 +1710,7 @@ class RoadMotion:
     @cython.cfunc
     @cython.nogil
     @cython.exceptval(check=False)
-    def show(self, wheel: cython.Py_ssize_t) -> cython.void:
+    def set_belt(self, wheel: cython.Py_ssize_t) -> cython.void:
         """The belt's own coordinates into ``belt``, whose shape is wanted."""
         k: cython.Py_ssize_t
         at: cython.Py_ssize_t = 2 * wheel * self.M
@@ -1722,7 +1722,7 @@ class RoadMotion:
         self, index: int, seconds: float, speed: float, height: float, angle: float = math.nan
     ) -> None:
         """Go on by a time [s] at a speed [rad/s], along a line to a height [m]; the angle [rad] if it is known."""
-        self.drive_on(index, seconds, speed, height, angle)
+        self.advance_wheel(index, seconds, speed, height, angle)
 
     def angles_of_points(self) -> FloatArray:
         """beta of each contact point from the middle of the patch, along psi [rad], shape (P,); > 0 lies behind."""
@@ -1743,7 +1743,7 @@ class RoadMotion:
 
     def deflection(self, index: int) -> FloatArray:
         """Radial and tangential deflection of the belt relative to the wheel centre [m], shape (2, P)."""
-        self.show(index)
+        self.set_belt(index)
         return self.belt.deflection(index, self.motion)
 
     def follow_lines(
@@ -1804,19 +1804,19 @@ class RoadMotion:
                     pull = traction[i] - traction[i - 1]
                     pieces = self.pieces_of(0, seconds, speed[i])
                     if not pieces <= _MOST_STEPS:
-                        self.lose(0)
+                        self.mark_diverged(0)
                         pieces = 0.0
                     parts = cython.cast(cython.Py_ssize_t, pieces)
                     for k in range(parts):
                         part = k / pieces
-                        self.turn(0, speed[i - 1] + change * ((k + 0.5) / pieces))
+                        self.change_speed(0, speed[i - 1] + change * ((k + 0.5) / pieces))
                         for j in range(P):
                             self.slope[j] = (heights[i * P + j] - heights[(i - 1) * P + j]) / pieces
-                        self.turned_out(0, self.speed[0], seconds / pieces)
+                        self.set_road_and_runout(0, self.speed[0], seconds / pieces)
                         for j in range(P):
                             self.base[j] += self.slope[j]
                         self.step(0, seconds / pieces, traction[i - 1] + pull * part, pull / pieces)
-                    self.turn(0, speed[i])
+                    self.change_speed(0, speed[i])
                     for j in range(P):
                         self.base[j] = heights[i * P + j] - self.origin[0]
                     self.publish_now(0)
@@ -1838,7 +1838,7 @@ class RoadMotion:
             "first_weight": float(self.first_weight[w]),
             "origin": float(self.origin[w]),
             "touching": bool(self.touching[w]),
-            **self._told(w),
+            **self._profile_snapshot(w),
         }
 
     def _by_point(self) -> dict[str, Any]:
@@ -1860,8 +1860,8 @@ class RoadMotion:
             np.asarray(values)[w * P : (w + 1) * P] = snapshot[name]
         self.first_weight[w], self.origin[w] = float(snapshot["first_weight"]), float(snapshot["origin"])
         if P > 1:
-            self.way[w], self.told[w] = float(snapshot["way"]), float(snapshot["told"])
-            self.know(w, *snapshot["profile"])
+            self.way[w], self.edge_height[w] = float(snapshot["way"]), float(snapshot["edge_height"])
+            self.set_profile(w, *snapshot["profile"])
         self.speed[w] = speed
         self.rest_at(w)
         np.asarray(self.own)[2 * w * M : 2 * (w + 1) * M] = snapshot["own"]

@@ -337,7 +337,7 @@ class Wheels:
         while True:
             flags = self.schedule.proceed(wheel, stamp)
             if flags & _STEP and self.on_road:
-                self.road.drive_on(
+                self.road.advance_wheel(
                     wheel, self.schedule.length * 1e-9, self.schedule.speed, self.schedule.load_after,
                     self.schedule.angle,
                 )  # fmt: skip
@@ -346,7 +346,7 @@ class Wheels:
                     wheel, self.schedule.length * 1e-9, self.schedule.speed, 0.0, self.schedule.load,
                     self.schedule.traction, 0.0, 0.0, self.schedule.angle,
                 )  # fmt: skip
-                self.belt.hold(
+                self.belt.enqueue(
                     wheel, self.schedule.length, self.schedule.speed, self.schedule.load, self.schedule.traction
                 )
             self.start_if(wheel, flags)
@@ -403,7 +403,7 @@ class Wheels:
     def deflect(self, wheel: cython.Py_ssize_t) -> cython.void:
         """A belt's deflection into ``belt.shape``."""
         if self.on_road:
-            self.road.show(wheel)
+            self.road.set_belt(wheel)
         self.belt.deflect(wheel, self.motion)
 
     def _deflection(self, wheel: int) -> NDArray[np.float64]:
