@@ -159,6 +159,21 @@ def test_a_restored_vehicle_goes_on_bit_for_bit(changes):
     assert first.vehicle.snapshot() == second.vehicle.snapshot()
 
 
+def test_a_record_of_an_earlier_build_is_read():
+    """A record that says ``told`` and ``held``, as records did; on several contact points, speeds from a field map."""
+    mapped = {"topic": "wheel/wheel_speed", "type": "std_msgs/msg/Float64", "field": "data"}
+    values = {**ROAD, **{f"inputs.speed.{name}": value for name, value in mapped.items()}, "contact_points": 5}
+    first, second = Pipeline(values), Pipeline(values)
+    heights = np.random.default_rng(2).normal(0.0, 0.02, 40).tolist()
+    driven(first, heights[:20])
+    new = messages.decode_string(first.record({}))
+    old = new.replace('"edge_height"', '"told"').replace('"last_values"', '"held"')
+    assert len(old) == len(new) - len("edge_height") + len("told") - len("last_values") + len("held")
+    second.restore(json.loads(old))
+    assert second.record({}) == first.record({})
+    assert driven(second, heights[20:], first=21) == driven(first, heights[20:], first=21)
+
+
 @pytest.mark.parametrize("varying", [[], [1.0, 0.05, 0.0]])
 def test_vehicle_library_and_command_give_one_reply(varying, tmp_path, capsys):
     values = {**ROAD, "n_max": 3, "tire.radial_nonuniformity": varying}

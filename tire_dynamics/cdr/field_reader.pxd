@@ -41,3 +41,7 @@ cdef class FieldReader:
         self, Py_ssize_t size, bint is_signed, const unsigned char[::1] data, Py_ssize_t at
     ) noexcept nogil
     cdef void put(self, long long slot, double value, bint is_required) noexcept nogil
+
+cdef bint same_bytes(
+    const unsigned char[::1] data, Py_ssize_t first, unsigned char[::1] known, Py_ssize_t begin, Py_ssize_t size
+) noexcept nogil

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -18,7 +18,7 @@ except ImportError:
 if cython.compiled:
     from cython.cimports.libc.string import memcmp, memcpy
 
-__all__ = ["FieldReader"]
+__all__ = ["FieldReader", "ends"]
 
 _BODY = cython.declare(cython.Py_ssize_t, 4)  # the body, and with it all alignment, starts behind the encapsulation
 _SECOND = cython.declare(cython.longlong, 1_000_000_000)
@@ -63,7 +63,7 @@ class FieldReader:
         slots = max((plan.slots for plan in plans), default=0)
         self.values, self.found = np.zeros(slots + 1).data, np.zeros(slots + 1, dtype=np.uint8).data
         rows = [row for plan in plans for row in plan.steps]
-        self.begin = _ends([len(plan.steps) for plan in plans])
+        self.begin = ends([len(plan.steps) for plan in plans])
         # rows refer to places in tables that now lie one behind the other
         moved, table, end = [], list[int](), 0
         for plan in plans:
@@ -84,7 +84,7 @@ class FieldReader:
             [bound for some in own for bound in ((min(some), max(some) + 1) if some else (0, 0))] or [0], dtype=np.int64
         ).data
         self._names = [tuple(plan.names) for plan in plans]
-        self.name_begin = _ends([len(names) for names in self._names])
+        self.name_begin = ends([len(names) for names in self._names])
         self.place = np.full(max(self.name_begin[len(plans)], 1), -1, dtype=np.int64).data
         self._blocks = [b""] * len(plans)  # the bytes of the names that are known
         self.counts = np.zeros(max(len(plans), 1), dtype=np.int64).data
@@ -95,7 +95,7 @@ class FieldReader:
 
     def _join(self) -> None:
         self.known = memoryview(bytearray(b"".join(self._blocks) + b"\0"))
-        self.known_begin = _ends([len(block) for block in self._blocks])
+        self.known_begin = ends([len(block) for block in self._blocks])
 
     def read(self, number: int, data: bytes) -> bool:
         """Read a serialised message by a plan; whether it is what the plan is for."""
@@ -301,7 +301,7 @@ class FieldReader:
         known: cython.Py_ssize_t = self.known_begin[self.message]
         at += (_BODY - at) & 3
         length = self.known_begin[self.message + 1] - known
-        if length == 0 or at + length > size or not _equal(data, first + at, self.known, known, length):
+        if at + length > size or not same_bytes(data, first + at, self.known, known, length):
             with cython.gil:
                 if not self._learn(bytes(data[first + at : first + size]), count):
                     return -1
@@ -409,20 +409,22 @@ def _size_of(kind: cython.longlong) -> cython.Py_ssize_t:
 @cython.cfunc
 @cython.nogil
 @cython.exceptval(check=False)
-def _equal(
+def same_bytes(
     data: cython.const[cython.uchar][::1],
     first: cython.Py_ssize_t,
     known: cython.uchar[::1],
     begin: cython.Py_ssize_t,
     size: cython.Py_ssize_t,
 ) -> cython.bint:
-    """Whether some bytes are known."""
+    """Whether bytes are those that are known; none are where none are known."""
+    if size <= 0:
+        return False
     if cython.compiled:
         return memcmp(cython.address(data[first]), cython.address(known[begin]), size) == 0
     else:
         return bool(data[first : first + size] == known[begin : begin + size])
 
 
-def _ends(sizes: Sequence[int]) -> memoryview:
+def ends(sizes: Iterable[int]) -> memoryview:
     """Where each of some parts that lie one behind the other begins, and where the last ends."""
     return np.cumsum([0, *sizes]).astype(np.int64).data

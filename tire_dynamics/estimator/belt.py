@@ -15,6 +15,7 @@ from ..science.elementary import cos_sin
 from ..science.modes import RingModes
 from ..science.unit import TireWheelUnit
 from ..science.wheel import Model
+from .buffers import zeros
 from .settings import check_wheel
 
 try:
@@ -131,21 +132,21 @@ class BeltMotion:
         self.M = self.N * self.K
         self.basis = np.ascontiguousarray(basis).reshape(-1).data
         self.numbers = numbers.astype(np.float64).data
-        self.speed = _zeros(wheels)
-        self.own = _zeros(2 * wheels * self.M)
-        self.rate, self.frequency = _zeros(wheels * self.M), _zeros(wheels * self.M)
-        self.steady = _zeros(4 * wheels * self.M)
+        self.speed = zeros(wheels)
+        self.own = zeros(2 * wheels * self.M)
+        self.rate, self.frequency = zeros(wheels * self.M), zeros(wheels * self.M)
+        self.steady = zeros(4 * wheels * self.M)
         rows = 8 if self.complete else 2  # of right
-        self.right = _zeros(rows * wheels * self.M)
-        self.left = _zeros((8 if self.complete else 4) * wheels * self.M)
-        self.real, self.imaginary = _zeros(self.M), _zeros(self.M)
-        self.shown = _zeros(2 * self.M)
-        self.rows = _zeros(2 * (2 + 2 * self.N))
-        self.shape = _zeros(2 * self.points)
+        self.right = zeros(rows * wheels * self.M)
+        self.left = zeros((8 if self.complete else 4) * wheels * self.M)
+        self.real, self.imaginary = zeros(self.M), zeros(self.M)
+        self.shown = zeros(2 * self.M)
+        self.rows = zeros(2 * (2 + 2 * self.N))
+        self.shape = zeros(2 * self.points)
         self.room = _ROOM
         self.waiting = np.zeros(wheels, dtype=np.int64).data
         self.length = np.zeros(wheels * _ROOM, dtype=np.int64).data
-        self.inputs = _zeros(3 * wheels * _ROOM)
+        self.inputs = zeros(3 * wheels * _ROOM)
         self._set_modes(RingModes(unit, numbers, model))
         for wheel in range(wheels):
             self._eigensystem(wheel, 0.0)
@@ -407,7 +408,7 @@ class BeltMotion:
         """Radial and tangential deflection relative to the wheel centre [m], shape (2, P), with the n = 1 motion."""
         check_wheel(index, self.wheels)
         self.deflect(index, motion)
-        return np.array(self.shape).reshape(2, -1)
+        return np.array(self.shape[: 2 * self.points]).reshape(2, -1)
 
     def state_of(self, index: int) -> NDArray[np.complex128]:
         """The state x of one belt now, shape (N, K): V, Z, or V_1, V_2, Z_1, Z_2."""
@@ -423,7 +424,7 @@ class BeltMotion:
         if not self.waiting[wheel]:
             return self._state(wheel)
         self.interval(wheel, wheel * self.room, self.shown, 0)
-        return self._with_right(wheel, np.array(self.shown).reshape(2, self.N, self.K))
+        return self._with_right(wheel, np.array(self.shown[: 2 * self.M]).reshape(2, self.N, self.K))
 
     def _state(self, wheel: int) -> FloatArray:
         """The same at the beginning of the interval."""
@@ -473,10 +474,6 @@ class BeltMotion:
         if snapshot["interval"] is not None:
             length, speed, load, traction = snapshot["interval"]
             self.enqueue(index, int(length), float(speed), float(load), float(traction))
-
-
-def _zeros(count: int) -> memoryview:
-    return np.zeros(count).data
 
 
 def _product(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -56,8 +56,8 @@ _EXCITES = cython.declare(cython.double, 2.0 * (math.pi * 0.1) ** 2)  # of the r
 _CREEP = cython.declare(cython.double, 0.05)  # a car that stands may still be loaded: as much as at this speed [m/s]
 _USUAL_SPEED = cython.declare(cython.double, 15.0)  # where nothing tells the speed [m/s]
 _LEARNING_TIME = cython.declare(cython.double, 10.0)  # within which what was learnt is forgotten [s]
-_MASS_DRIFT = cython.declare(cython.double, 2.5e-3)  # so that the springs' ways, whose rates are told, do not settle
-# the mass [1 per sqrt s]
+_MASS_DRIFT = cython.declare(cython.double, 2.5e-3)  # of the mass, [1/sqrt(s)]: spring rates are parameters, and in
+# error; without it travel would soon be taken for an exact balance
 _LOOSE = cython.declare(cython.double, 2.5)  # an acceleration of the body is as doubtful as its mass: white noise of
 # that share of it over this time [s]
 _BALANCE = cython.declare(cython.double, 60.0)  # below which the wheels' momentum is balanced [rad/s]
@@ -653,7 +653,7 @@ class CarFilter:
     def consistency(self) -> list[float]:
         """Mean of the squared normalised innovations of wheel speeds, IMU, travel and hubs, over some ten seconds.
 
-        1 where equations and noise are what they were told to be; NaN of a source that told nothing.
+        1 where equations and noise are as the parameters say; NaN of a source without samples.
         """
         each = [(self.innovations[2 * k], self.innovations[2 * k + 1]) for k in range(4)]
         return [total / number if number > 0.5 else math.nan for total, number in each]

@@ -29,7 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..science import rotating_excitation, wheel
+from ..science.stepping import TERMS, reaches
 from ..science.unit import TireWheelUnit
+from .buffers import flat, zeros
 from .settings import check_wheel
 
 try:
@@ -49,29 +51,12 @@ __all__ = ["Motion"]
 FloatArray = NDArray[np.float64]
 
 _LONGEST = cython.declare(cython.double, 3.0)  # norm times step of one series
-_MOST_TERMS = cython.declare(cython.Py_ssize_t, 40)  # 27 terms are enough for the longest piece
+_MOST_TERMS = cython.declare(cython.Py_ssize_t, TERMS)  # 27 terms are enough for the longest piece
 _MOST_PIECES = cython.declare(cython.double, 1e5)  # of a step; a unit that needs more has nothing of a tire
 _DOUBLED = cython.declare(cython.double, 24.0)  # pieces from which on doubling is quicker
 _BEYOND_ALL_BOUNDS = cython.declare(cython.double, 1e6)  # [m/s] and [m]
 _FULL_TURN = cython.declare(cython.double, 2.0 * math.pi)
 _NAN = cython.declare(cython.double, math.nan)
-_TERMS = 40
-
-
-def _reaches() -> list[float]:
-    """By the number of terms, the largest norm times step for which they are enough; rounded down to ten bits."""
-    reaches = [0.0]
-    for k in range(1, _TERMS + 1):
-        low, high = 0.0, 64.0
-        while high - low > 2.0**-10:
-            middle = 0.5 * (low + high)
-            enough = math.prod(middle / j for j in range(1, k + 1)) <= 2.0**-57
-            low, high = (middle, high) if enough else (low, middle)
-        reaches.append(low)
-    return reaches
-
-
-_REACHES = _reaches()
 
 
 @cython.cfunc
@@ -121,8 +106,8 @@ class Motion:
         self.wheels, self.model = wheels, model
         self.complete = model == "complete"
         self.states = wheel.states(unit, model)
-        self.state = _zeros(wheels * self.states)
-        self.phase, self.spin_speed = _zeros(wheels), _zeros(wheels)
+        self.state = zeros(wheels * self.states)
+        self.phase, self.spin_speed = zeros(wheels), zeros(wheels)
         self.force_x = self.force_z = 0.0
         self.set_unit(unit)
 
@@ -130,27 +115,27 @@ class Motion:
         """Change the tire from now on. Positions and velocities go on as they are; a wheel is let go at rest."""
         parts, frame = rotating_excitation.rotating_excitation(unit, self.model), wheel.fixed_frame(unit, self.model)
         states = wheel.states(unit, self.model)
-        self.state = _flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
+        self.state = flat(wheel.reshaped(np.array(self.state).reshape(self.wheels, -1), states))
         self.unit, self.parts, self.states = unit, parts, states
         n, half, self.half, self.pairs = states, states // 2, states // 2, len(parts.spring)
         self.rotating, self.varying, self.rigid = parts.is_rotating, self.pairs > 0, unit.is_longitudinally_rigid
         self.harmonics, self.highest = 2, parts.highest
         # of the accelerations alone: the displacements' rows only say that their rates are the velocities
-        self.system, self.spin = _flat(parts.system[:half, :n]), _flat(parts.spin[:half, :n])
-        self.input, self.imbalance = _flat(parts.input[:half]), _flat(parts.imbalance[:half])
-        self.pull, self.net = _flat(parts.system[:half, n:]), _flat(parts.seen[:, half:])
-        self.spring, self.sizes = _flat(parts.spring), _flat(parts.sizes)
-        self.wheel_x = _flat(parts.wheel_x)
-        self.output, self.output_spin = _flat(frame.output), _flat(frame.output_spin)
-        self.matrix, self.between = _zeros(self.wheels * half * n), _zeros(half * n)
+        self.system, self.spin = flat(parts.system[:half, :n]), flat(parts.spin[:half, :n])
+        self.input, self.imbalance = flat(parts.input[:half]), flat(parts.imbalance[:half])
+        self.pull, self.net = flat(parts.system[:half, n:]), flat(parts.seen[:, half:])
+        self.spring, self.sizes = flat(parts.spring), flat(parts.sizes)
+        self.wheel_x = flat(parts.wheel_x)
+        self.output, self.output_spin = flat(frame.output), flat(frame.output_spin)
+        self.matrix, self.between = zeros(self.wheels * half * n), zeros(half * n)
         self.matrix_at = np.full(self.wheels, math.nan).data
-        self.after, self.force = _zeros(n), _zeros(2 * half)
-        self.terms, self.pulls = _zeros((_TERMS + 2) * n), _zeros(2 * max(self.pairs, 1))
-        self.convolved, self.answers = (_zeros(2 * max(self.pairs, 1) * (_TERMS + 2)) for _ in range(2))
-        self.cosines, self.sines = (_zeros(self.harmonics * 3) for _ in range(2))
-        self.angles, self.none = (_zeros(self.harmonics) for _ in range(2))
-        self.affine, self.squared = (_zeros((n + 3) * n) for _ in range(2))
-        self.reach = np.array(_REACHES).data
+        self.after, self.force = zeros(n), zeros(2 * half)
+        self.terms, self.pulls = zeros((TERMS + 2) * n), zeros(2 * max(self.pairs, 1))
+        self.convolved, self.answers = (zeros(2 * max(self.pairs, 1) * (TERMS + 2)) for _ in range(2))
+        self.cosines, self.sines = (zeros(self.harmonics * 3) for _ in range(2))
+        self.angles, self.none = (zeros(self.harmonics) for _ in range(2))
+        self.affine, self.squared = (zeros((n + 3) * n) for _ in range(2))
+        self.reach = np.array(reaches()).data
 
     def reset(self, index: int) -> None:
         """Be at rest."""
@@ -710,13 +695,3 @@ class Motion:
         """Take over a :meth:`snapshot`."""
         state = np.array(snapshot["state"], dtype=np.float64)
         self.put(index, state, float(snapshot["spin_speed"]), float(snapshot["phase"]))
-
-
-def _zeros(count: int) -> memoryview:
-    return np.zeros(count).data
-
-
-def _flat(array: FloatArray) -> memoryview:
-    """A copy in rows; of nothing, one zero: an empty buffer has no first element to point to."""
-    flat = np.array(array, dtype=np.float64, order="C").reshape(-1)
-    return (flat if flat.size else np.zeros(1)).data

@@ -14,13 +14,11 @@ from ..science.elementary import cos_sin
 from ..science.modes import CONTACT_ANGLE
 from ..science.rotating_excitation import rotating_excitation
 from ..science.unit import TireWheelUnit
+from .buffers import flat
 
-__all__ = ["TERMS", "RoadConstants", "flat", "on_the_road", "reaches", "under_the_belt", "zeros"]
+__all__ = ["RoadConstants", "on_the_road", "under_the_belt"]
 
 FloatArray = NDArray[np.float64]
-
-TERMS = 40
-"""Of the longest series of n = 1."""
 
 
 def on_the_road(unit: TireWheelUnit) -> TireWheelUnit:
@@ -172,26 +170,3 @@ class RoadConstants:
         if not unit.is_longitudinally_rigid:
             self.on_fore = mass / unit.fore_aft_mass
         self.held_mass = mass if unit.is_longitudinally_rigid else 0.0
-
-
-def reaches() -> list[float]:
-    """By the number of terms, the largest norm times step for which they are enough; rounded down to ten bits."""
-    reaches = [0.0]
-    for k in range(1, TERMS + 1):
-        low, high = 0.0, 64.0
-        while high - low > 2.0**-10:
-            middle = 0.5 * (low + high)
-            enough = math.prod(middle / j for j in range(1, k + 1)) <= 2.0**-57
-            low, high = (middle, high) if enough else (low, middle)
-        reaches.append(low)
-    return reaches
-
-
-def zeros(count: int) -> memoryview:
-    return np.zeros(max(count, 1)).data
-
-
-def flat(array: FloatArray) -> memoryview:
-    """A copy in rows; of nothing, one zero."""
-    flat = np.array(array, dtype=np.float64, order="C").reshape(-1)
-    return (flat if flat.size else np.zeros(1)).data

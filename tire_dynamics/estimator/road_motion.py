@@ -37,8 +37,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..science.stepping import TERMS, reaches
 from ..science.unit import TireWheelUnit
-from .road_constants import TERMS, RoadConstants, on_the_road, reaches, under_the_belt, zeros
+from .buffers import zeros
+from .road_constants import RoadConstants, on_the_road, under_the_belt
 
 try:
     import cython
@@ -1549,7 +1551,7 @@ class RoadMotion:
     def extend_profile(self, wheel: cython.Py_ssize_t, move: cython.double, height: cython.double) -> cython.void:
         """Lay the road ahead of the patch's edge in the direction of a way [m], along a line to a height [m].
 
-        Heights that are told lie there. A wheel that stands is lifted as a whole by a road that moves.
+        Road heights that are received lie there. A wheel that stands is lifted as a whole by a road that moves.
         """
         at: cython.Py_ssize_t = 2 * wheel * _KNOTS
         k: cython.Py_ssize_t
@@ -1860,7 +1862,8 @@ class RoadMotion:
             np.asarray(values)[w * P : (w + 1) * P] = snapshot[name]
         self.first_weight[w], self.origin[w] = float(snapshot["first_weight"]), float(snapshot["origin"])
         if P > 1:
-            self.way[w], self.edge_height[w] = float(snapshot["way"]), float(snapshot["edge_height"])
+            height = snapshot.get("edge_height", snapshot.get("told"))  # "told" in logs of earlier builds
+            self.way[w], self.edge_height[w] = float(snapshot["way"]), float(height)
             self.set_profile(w, *snapshot["profile"])
         self.speed[w] = speed
         self.rest_at(w)

@@ -320,8 +320,9 @@ class Pipeline:
     def restore(self, record: Mapping[str, Any]) -> None:
         """Take over the state that a log record says."""
         self.vehicle.restore(record["vehicle"])
-        if "held" in record:
-            self._stream.hold(record["held"])
+        last = record.get("last_values", record.get("held"))  # "held" in logs of earlier builds
+        if last is not None:
+            self._stream.set_last_values(last)
         if self.loads is not None:
             self.loads.restore(record["loads"])
 
@@ -336,7 +337,7 @@ class Pipeline:
             "vehicle": self.vehicle.snapshot(),
         }
         if self._stream.mapped:
-            content["held"] = self._stream.held()
+            content["last_values"] = self._stream.last_values()
         if self.loads is not None:
             content["loads"] = self.loads.snapshot()
         return messages.encode_string(json.dumps({**content, "dropped": dict(dropped or {})}))

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cdr import messages
+from ..cdr.field_reader import ends
 from ..estimator.belt import ring_angles
 from ..estimator.vehicle import joint_places
 from ..science.elementary import cos_sin
@@ -27,11 +28,11 @@ try:
 except ImportError:
     from ..science import cython_stand_in as cython
 if cython.compiled:
-    from cython.cimports.libc.string import memcmp, memcpy
-    from cython.cimports.tire_dynamics.cdr.field_reader import FieldReader
+    from cython.cimports.libc.string import memcpy
+    from cython.cimports.tire_dynamics.cdr.field_reader import FieldReader, same_bytes
     from cython.cimports.tire_dynamics.estimator.wheels import Wheels
 else:
-    from ..cdr.field_reader import FieldReader
+    from ..cdr.field_reader import FieldReader, same_bytes
     from ..estimator.wheels import Wheels
 
 from .input_map import QUANTITIES, MappedTopic
@@ -52,8 +53,8 @@ Estimator = Callable[[int], "tuple[list[float], list[float], list[float] | None]
 MESSAGE_HEAD = 31
 """Bytes before a message in an MCAP file: opcode, length, channel, sequence, log time, publish time."""
 
-_TICK = cython.declare(cython.longlong, -1)
-_HEAD = cython.declare(cython.Py_ssize_t, 31)
+_TICK = cython.declare(cython.longlong, TICKS)
+_HEAD = cython.declare(cython.Py_ssize_t, MESSAGE_HEAD)
 _MESSAGE = cython.declare(cython.int, 5)  # the opcode
 _SECOND = cython.declare(cython.longlong, 1_000_000_000)
 _MAX_JOINT_STATE = cython.declare(cython.Py_ssize_t, 2**20)
@@ -235,8 +236,8 @@ class MessageStream:
         # each wheel's message, its numbers zero, one behind the other
         wrenches = [messages.WrenchEncoder(frame).encode(0, 0.0, 0.0) for frame in frames]
         shapes = [messages.RingShapeEncoder(frame, samples).encode(0, np.zeros((samples, 5))) for frame in frames]
-        self.wrench, self.wrench_at = _bytes(b"".join(wrenches)), _ends(wrenches)
-        self.shape, self.shape_at = _bytes(b"".join(shapes)), _ends(shapes)
+        self.wrench, self.wrench_at = _bytes(b"".join(wrenches)), ends(map(len, wrenches))
+        self.shape, self.shape_at = _bytes(b"".join(shapes)), ends(map(len, shapes))
         self.deflection = _bytes(messages.DeflectionEncoder(samples).encode(np.zeros((2, samples))))
         cosine, sine = cos_sin(ring_angles(samples))
         self.outward = np.stack([-cosine, sine], axis=1).reshape(-1).data  # x_ros = -X
@@ -268,7 +269,7 @@ class MessageStream:
                     wheel[group.first + k] = k if quantity.size else group.wheels[k]
                     scale[group.first + k], shift[group.first + k] = group.scales[k], group.shifts[k]
                     place[group.quantity, int(wheel[group.first + k])] = group.first + k
-            for (name, which), slot in place.items():  # an angle is told with its speed, a traction with its load
+            for (name, which), slot in place.items():  # an angle comes with its speed, a traction with its load
                 for one, other in (("speed", "angle"), ("load", "traction")):
                     if name == one and (other, which) in place:
                         partner[slot], partner[place[other, which]] = place[other, which], slot
@@ -297,14 +298,14 @@ class MessageStream:
             self.sums[k] = 0.0
         return sums
 
-    def held(self) -> list[list[float | None]]:
-        """What is held from one message to the next, as JSON has it."""
+    def last_values(self) -> list[list[float | None]]:
+        """Of each wheel the last speed and traction of mapped topics, None if there was none, as JSON has it."""
         speeds, tractions = list(self.last_speed), list(self.last_traction)
         return [[None if value != value else value for value in part] for part in (speeds, tractions)]
 
-    def hold(self, held: Sequence[Sequence[float | None]]) -> None:
-        """Take over what :meth:`held` gave."""
-        speeds, tractions = ([float("nan") if value is None else float(value) for value in part] for part in held)
+    def set_last_values(self, values: Sequence[Sequence[float | None]]) -> None:
+        """Take over what :meth:`last_values` gave."""
+        speeds, tractions = ([float("nan") if value is None else float(value) for value in part] for part in values)
         for k in range(self.wheels.count):
             self.last_speed[k], self.last_traction[k] = speeds[k], tractions[k]
 
@@ -590,7 +591,7 @@ class MessageStream:
         speed: cython.double
         if size < _FIRST or size > _MAX_JOINT_STATE or data[first] != 0 or data[first + 1] != 1:
             return -1
-        if size < self.names_end or not _equal(data, first + _FIRST, self.names, self.names_end - _FIRST):
+        if size < self.names_end or not same_bytes(data, first + _FIRST, self.names, 0, self.names_end - _FIRST):
             with cython.gil:
                 if not self._learn_names(bytes(data[first : first + size])):
                     return 0
@@ -1006,28 +1007,5 @@ def _swapped(data: cython.const[cython.uchar][::1], at: cython.Py_ssize_t) -> cy
         return float(struct.unpack_from(">d", data, at)[0])
 
 
-@cython.cfunc
-@cython.nogil
-@cython.exceptval(check=False)
-def _equal(
-    data: cython.const[cython.uchar][::1],
-    first: cython.Py_ssize_t,
-    known: cython.uchar[::1],
-    size: cython.Py_ssize_t,
-) -> cython.bint:
-    """Whether bytes are known; none are, at first."""
-    if size <= 0:
-        return False
-    if cython.compiled:
-        return memcmp(cython.address(data[first]), cython.address(known[0]), size) == 0
-    else:
-        return bool(data[first : first + size] == known[:size])
-
-
 def _bytes(data: bytes) -> memoryview:
     return memoryview(bytearray(data))
-
-
-def _ends(parts: Sequence[bytes]) -> memoryview:
-    """Where each of some parts that lie one behind the other begins, and where the last ends."""
-    return np.cumsum([0, *map(len, parts)]).astype(np.int64).data

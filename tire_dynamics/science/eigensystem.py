@@ -24,7 +24,7 @@ COLUMNS = 14
 """Of a table of modes: n, d, the force's real and imaginary part, A, A_1, C, C_1, D, D_1, D_2, 1 (0 in the hybrid
 model, which has no Coriolis term), B, B_1."""
 
-_COLUMNS = cython.declare(cython.Py_ssize_t, 14)
+_COLUMNS = cython.declare(cython.Py_ssize_t, COLUMNS)
 
 
 @cython.cfunc

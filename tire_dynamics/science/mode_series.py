@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from .eigensystem import COLUMNS
+
 try:
     import cython
 except ImportError:
@@ -25,7 +27,7 @@ __all__ = ["mode_steps"]
 ComplexArray = NDArray[np.complex128]
 FloatArray = NDArray[np.float64]
 
-_COLUMNS = cython.declare(cython.Py_ssize_t, 14)  # of the table, eigensystem.COLUMNS
+_COLUMNS = cython.declare(cython.Py_ssize_t, COLUMNS)
 _LONGEST = cython.declare(cython.double, 3.0)  # norm of the system times the length of a piece
 _NEGLIGIBLE = cython.declare(cython.double, 2.0**-57)
 _MOST_PIECES = cython.declare(cython.double, 1e6)

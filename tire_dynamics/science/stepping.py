@@ -1,4 +1,4 @@
-"""The steps between samples, exact transitions from tables, and linear equations solved in a fixed order."""
+"""The steps between samples, exact transitions, how many terms a series takes, linear equations in a fixed order."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ExactStepper", "Steps", "solve_in_order"]
+__all__ = ["TERMS", "ExactStepper", "Steps", "reaches", "solve_in_order"]
 
 FloatArray = NDArray[np.float64]
+
+TERMS = 40
+"""Of the longest Taylor series of n = 1."""
 
 _NEGLIGIBLE = 2.0**-57  # beside Phi, whose size is 1 and whose rounding is 2^-53
 _LONGEST = 2.5  # norm of h F that is summed directly; the largest term, 2.5^2/2!, costs two bits at the most
@@ -137,6 +140,22 @@ class Steps:
             if np.abs(self.lengths - mean).max() <= 4.0 * np.spacing(np.abs(time).max()):
                 self.lengths = np.full(self.count, mean)
         self.speeds = speed
+
+
+def reaches() -> list[float]:
+    """By the number of terms up to :data:`TERMS`, the largest norm times step for which they are enough.
+
+    The next term is then at most 2^-57; rounded down to ten bits.
+    """
+    found = [0.0]
+    for k in range(1, TERMS + 1):
+        low, high = 0.0, 64.0
+        while high - low > 2.0**-10:
+            middle = 0.5 * (low + high)
+            enough = math.prod(middle / j for j in range(1, k + 1)) <= _NEGLIGIBLE
+            low, high = (middle, high) if enough else (low, middle)
+        found.append(low)
+    return found
 
 
 def _doublings(length: float, limit: float) -> int:
