@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -100,6 +101,18 @@ class _Ratio(NamedTuple):
         return _SURE * self.error + 0.5 * math.log(self.high / self.low) < _COARSE
 
 
+class _Finding(NamedTuple):
+    kind: str
+    """What is wrong; empty if nothing is known to be."""
+    text: str
+    is_sound: bool
+    """Whether it is known that nothing is wrong."""
+
+
+def _at_once(work: Callable[[], _Finding], then: Callable[[_Finding], None]) -> None:
+    then(work())
+
+
 class MotionWatch:
     """Holds the wheel speeds against an IMU, as they come.
 
@@ -114,6 +127,9 @@ class MotionWatch:
         What is odd: one line, from when it is seen until it is seen to be so no more.
     ever : dict of str to str
         All that was odd so far, by its kind.
+    analyse : callable
+        Called once a second with the regressions, a millisecond of work, and with what takes their result: at once,
+        unless another is put here, which may do the first on another thread.
 
     Notes
     -----
@@ -133,6 +149,7 @@ class MotionWatch:
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.doubts: list[str] = []
         self.ever: dict[str, str] = {}
+        self.analyse: Callable[[Callable[[], _Finding], Callable[[_Finding], None]], None] = _at_once
         self._values, wheels = values, values["wheels"]
         self._radius = rolling_radius(values)
         estimated = values["load_source"] == "estimate"  # whose order of wheels is front left, front right, ...
@@ -179,31 +196,38 @@ class MotionWatch:
         self._empty()
 
     def _look(self) -> None:
-        rows, kind, text, is_sound = np.array(self._rows), "", "", False
-        for count in _BINS:
-            if len(rows) >= count and not kind and not is_sound:
-                kind, text, is_sound = self._look_at(rows[-count:])
-        if kind and kind == self._before and not self.doubts:
-            self.doubts = [text]
-            self.ever.setdefault(kind, text)
-        elif is_sound:
-            self.doubts = []
-        self._before = kind
+        self.analyse(partial(self._find, np.array(self._rows)), self._take_finding)
 
-    def _look_at(self, rows: FloatArray) -> tuple[str, str, bool]:
-        """What is wrong, as a kind and a line, and whether it is known that nothing is."""
+    def _take_finding(self, found: _Finding) -> None:
+        if found.kind and found.kind == self._before and not self.doubts:
+            self.doubts = [found.text]
+            self.ever.setdefault(found.kind, found.text)
+        elif found.is_sound:
+            self.doubts = []
+        self._before = found.kind
+
+    def _find(self, rows: FloatArray) -> _Finding:
+        """What the short time says, or else the long one; of this object only what never changes is read."""
+        found = _Finding("", "", False)
+        for count in _BINS:
+            if len(rows) >= count and not found.kind and not found.is_sound:
+                found = self._look_at(rows[-count:])
+        return found
+
+    def _look_at(self, rows: FloatArray) -> _Finding:
         speeds, imu = _whole(self._radius * rows[:, : self._width]), _whole(rows[:, self._width :])
         if np.isnan(imu).any() or not 0.7 < imu[:, 2].mean() / GRAVITY < 1.3:
-            return "", "", False
+            return _Finding("", "", False)
         there = speeds[:, ~np.isnan(speeds[0])]
         if not there.size or np.abs(there).mean() < _STILL:
-            return "", "", False
+            return _Finding("", "", False)
         v = np.median(there, axis=1)  # of three wheels and more one may be dead, which is said elsewhere
         along, across = _speeding(v, imu), _curves(v, imu)
         kind, text = self._of_the_speed(along, across, has_rates=bool(imu[:, 4].any()))
         if not kind:
             kind, text = self._of_the_sides(speeds, imu)
-        return kind, text, not kind and any(each.is_one for each in (along, across) if each is not None)
+        is_sound = not kind and any(each.is_one for each in (along, across) if each is not None)
+        return _Finding(kind, text, is_sound)
 
     def _of_the_speed(self, along: _Ratio | None, across: _Ratio | None, has_rates: bool) -> tuple[str, str]:
         """What is wrong with all speeds, as a kind and a line; with rates, slope and pitch are known."""

@@ -273,6 +273,8 @@ class TireDynamicsNode(LifecycleNode):
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
         self._looking = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
+        if self._pipeline.motion is not None:
+            self._pipeline.motion.analyse = self._analyse_motion
         self._missing: tuple[str, ...] | None = None
         self._time = None
         self._before = self._second = self._present_second()
@@ -753,6 +755,13 @@ class TireDynamicsNode(LifecycleNode):
         for doubt in self._doubts:
             if re.sub(r"-?\d[\d.e+-]*", "", doubt) not in known:
                 self.get_logger().warning(f"doubtful: {doubt}")
+
+    def _analyse_motion(self, work: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        def take(found: Any, error: Exception | None) -> None:
+            if error is None:
+                then(found)
+
+        self._worker.ask("motion", work, take)
 
     def _node_status(self) -> DiagnosticStatus:
         missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
