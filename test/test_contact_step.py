@@ -206,7 +206,7 @@ def test_steps_at_varying_speed(model, seed):
 def close_in(coarse, fine, factors, floor):
     """Errors of [x, z, contact force] fall by these factors, to where DOP853 leaves some 1e-7 of the forces.
 
-    A damper's force at a step's end is that of a line through the rate of delta over the step, and of lower order.
+    The force that acts to a step's end is, with a damper, that of a mean rate, and of lower order.
     """
     assert (fine <= np.maximum(coarse / np.array(factors), floor)).all(), (coarse, fine)
 

@@ -54,7 +54,7 @@ def test_steps_at_constant_speed(model, seed):
     n_max = 3 if model == "inextensional" else 2
     expected, _ = OnTheRoad(unit, model, n_max, drive).run()
     coarse, fine = (np.abs(driven(unit, model, n_max, drive, parts) - expected).max(axis=0) for parts in (8, 16))
-    close_in(coarse, fine, [4.0, 4.0, 2.0 if unit.residual_damping else 4.0], 1e-6 * np.abs(expected).max())
+    close_in(coarse, fine, 4.0, 1e-6 * np.abs(expected).max())
     assert fine.max() < 1e-3 * np.abs(expected).max()
 
 
@@ -68,7 +68,7 @@ def test_steps_at_varying_speed(model, seed):
     expected, _ = OnTheRoad(unit, model, 2, drive).run()
     coarse, fine = (np.abs(driven(unit, model, 2, drive, parts) - expected).max(axis=0) for parts in (8, 32))
     size = np.abs(expected).max()
-    close_in(coarse, fine, [12.0, 12.0, 4.0 if unit.residual_damping else 12.0], 1e-5 * size)
+    close_in(coarse, fine, 12.0, 1e-5 * size)
     assert fine[:2].max() < 1e-3 * size and fine[2] < 1e-2 * size
 
 
@@ -83,6 +83,24 @@ def test_lift_off_and_landing(model):
     for before, after in zip(errors, errors[1:], strict=False):
         assert (after < before / 4.0).all(), errors
     assert errors[-1].max() < 0.2  # N, of contact forces up to 9 kN
+
+
+@models
+@pytest.mark.parametrize("points", [1, 5])
+def test_a_damper_of_the_tread_keeps_the_order(model, points):
+    """The contact force that is published, on a road of lines: third order, as without a damper; to itself, finer."""
+    unit, at = HELD.replace(residual_damping=400.0, zeta_1=0.1), 4e-3 * np.arange(9)
+    heights = np.concatenate([[0.0], np.random.default_rng(1).normal(0.0, 1e-3, 8)])
+
+    def contact_force(parts):
+        t = np.linspace(0.0, at[-1], 8 * parts + 1)
+        road = np.interp(t, at, heights)
+        speed = 0.0 if points > 1 else 60.0  # where points roll, they feel the bends of the road within a step
+        found = simulate(unit, t, speed, road=road, static_load=LOAD, n_max=3, model=model, contact_points=points)
+        return found.contact_force[::parts]
+
+    errors = [np.abs(contact_force(parts) - contact_force(128)).max() for parts in (4, 8, 16)]
+    assert errors[0] > 6.0 * errors[1] > 36.0 * errors[2]
 
 
 # -- MODEL's numbers --------------------------------------------------------------------------------------------------
@@ -109,13 +127,15 @@ def test_bumps(height, force, axle, lost):
     assert abs(int((found[:, 1] == 0.0).sum()) - lost) <= 1
 
 
-@pytest.mark.parametrize(("height", "bars"), [(0.01, (0.97, 0.25, 0.06)), (0.06, (16.0, 2.7, 0.85))])
+@pytest.mark.parametrize(
+    ("height", "bars"),
+    [(0.01, ((0.97, 20.0), (0.25, 5.6), (0.06, 1.4))), (0.06, ((16.0, 150.0), (2.7, 38.0), (0.85, 10.0)))],
+)
 def test_bumps_are_closer_than_the_bar(height, bars):
-    """The issue's bar for the axle's force at 1, 0.5 and 0.25 ms; the road is here a chain of lines of the step."""
+    """The bar is the errors of a prototype at 1, 0.5 and 0.25 ms, of axle and contact [N]; the road is lines of the step."""
     fine = over_the_bump(height, 1.0 / 32e3)
-    for step, most in zip((1e-3, 5e-4, 2.5e-4), bars, strict=True):
-        road_itself = 1.5 if height > 0.05 else 1.0  # what lines differ from the sine by: (pi h/30 ms)^2/12 of it
-        assert np.abs(over_the_bump(height, step) - fine)[:, 0].max() < road_itself * most
+    for step, bar in zip((1e-3, 5e-4, 2.5e-4), bars, strict=True):
+        assert (np.abs(over_the_bump(height, step) - fine).max(axis=0) < bar).all()
 
 
 @pytest.mark.parametrize(("kmh", "expected"), [(2.0, 30.52), (33.0, 34.23), (154.0, 202.99)])
@@ -182,7 +202,7 @@ def state(road):
 @pytest.mark.parametrize("speed", [0.0, 60.0, -200.0])
 @pytest.mark.parametrize("points", [1, 4])
 def test_on_a_flat_road_not_a_bit_moves(model, speed, points):
-    for unit in (CAR, HELD.replace(vertical_stiffness=0.0)):
+    for unit in (CAR, HELD.replace(vertical_stiffness=0.0), HELD.replace(residual_damping=80.0)):
         road = wheels_on_the_road(unit, model, 5, points=points)
         road.put(0, speed, 0.3, 1.25)
         before = json.dumps(state(road)), seen(road)
@@ -285,7 +305,8 @@ def test_the_reference_steps_are_these(model, points, changes):
             road.follow_lines(np.array([0.0, 5e-4]), np.full(2, speed), np.stack([before, heights]), np.zeros(2))
         before = heights
         expected = [*reference.axle_force(), reference.force.sum()]
-        assert seen(road) == pytest.approx(expected, abs=1e-11 * LOAD / 1e-4)  # rounding behind stiff springs
+        acting = sum(road.snapshot(0)["forces"])  # to a step's end; with a damper not quite what is published
+        assert [*road.axle_force(0), acting] == pytest.approx(expected, abs=1e-11 * LOAD / 1e-4)  # behind stiff springs
 
 
 def test_points_envelop_a_cleat_shorter_than_the_patch():

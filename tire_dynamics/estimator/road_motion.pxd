@@ -111,6 +111,7 @@ cdef class RoadMotion:
     cdef double[::1] alpha
     cdef double[::1] beta
     cdef double[::1] slope
+    cdef double[::1] rises
     cdef double[::1] right_side
     cdef double[::1] unknown
     cdef double[::1] least
@@ -183,6 +184,7 @@ cdef class RoadMotion:
         self, Py_ssize_t wheel, double length, double phase, double traction, double traction_change
     ) noexcept nogil
     cdef void step(self, Py_ssize_t wheel, double length, double traction, double traction_change) noexcept nogil
+    cdef void press(self, Py_ssize_t wheel) noexcept nogil
     cdef void whole_step(
         self, Py_ssize_t wheel, double length, double phase, double traction, double traction_change
     ) noexcept nogil

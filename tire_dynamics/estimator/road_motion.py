@@ -152,7 +152,7 @@ class RoadMotion:
         self.reach = np.array(reaches()).data
         self.inverse = np.array([0.0, *(1.0 / k for k in range(1, _TERMS + 5))]).data
         self.end, self.mid, self.D_end, self.D_mean = (zeros(P) for _ in range(4))
-        self.alpha, self.beta, self.slope = (zeros(P) for _ in range(3))
+        self.alpha, self.beta, self.slope, self.rises = (zeros(P) for _ in range(4))
         self.right_side, self.unknown, self.least = (zeros(2 * P) for _ in range(3))
         self.reduced = zeros(4 * P * P)
         self.reduced_order = np.zeros(2 * P, dtype=np.int64).data
@@ -1127,6 +1127,9 @@ class RoadMotion:
         turned: cython.double = fmod(phase + self.speed[wheel] * length, _FULL_TURN)
         end: cython.double = 0.0
         mid: cython.double = 0.0
+        if self.lagging != 0.0:  # of the parabola with the road's ends and mean, at the end
+            for j in range(P):
+                self.rises[j] = (4.0 * self.end[j] - 6.0 * self.mid[j] + 2.0 * self.road[wheel * P + j]) / length
         if self.varying:
             self.sidewall_pull(wheel, phase, self.pull_begin)
             for k in range(4 * self.coupled + 4):
@@ -1144,7 +1147,56 @@ class RoadMotion:
         for j in range(P):
             total += self.forces[wheel * P + j]
         self.contact[wheel] = total
+        if self.lagging != 0.0:
+            self.press(wheel)
         self.motion.phase[wheel] = turned
+
+    @cython.cfunc
+    @cython.nogil
+    @cython.exceptval(check=False)
+    def press(self, wheel: cython.Py_ssize_t) -> cython.void:
+        """The contact force that is published, of springs with dampers: of how fast they are pressed in this state.
+
+        The force that acts to a step's end is that of a mean rate, and knows nothing of a speed that changes there.
+        """
+        H: cython.Py_ssize_t = self.H
+        M: cython.Py_ssize_t = self.M
+        N: cython.Py_ssize_t = self.N
+        P: cython.Py_ssize_t = self.points
+        own: cython.Py_ssize_t = 2 * wheel * M
+        right: cython.Py_ssize_t = 8 * wheel * M + 4 * M
+        first: cython.Py_ssize_t = wheel * 2 * H
+        i: cython.Py_ssize_t
+        j: cython.Py_ssize_t
+        e: cython.Py_ssize_t
+        total: cython.double = 0.0
+        force: cython.double
+        p: cython.double
+        q: cython.double
+        x: cython.double
+        y: cython.double
+        u: cython.double
+        v: cython.double
+        for i in range(N):
+            x = y = 0.0
+            for e in range(self.K * i, self.K * (i + 1)):
+                p, q = self.own[own + e], self.own[own + M + e]
+                u, v = self.belt.rate[wheel * M + e], self.belt.frequency[wheel * M + e]
+                p, q = u * p - v * q, u * q + v * p
+                if self.complete:
+                    u, v = self.belt.right[right + e], self.belt.right[right + M + e]
+                    p, q = u * p - v * q, u * q + v * p
+                x += p
+                y += q
+            self.Z_end[i], self.Z_end[N + i] = x, y
+        self.look_at(False)
+        for j in range(P):
+            i = wheel * P + j
+            if self.forces[i] > 0.0:
+                force = self.tangents[j] * self.z[first] - self.z[first + 1] + self.moved_end[j] + self.rises[j]
+                force = self.static[wheel] * self.share[j] + (self.before[i] + self.lagging * force) / self.soft[j]
+                total += force if force > 0.0 else 0.0
+        self.contact[wheel] = total
 
     @cython.cfunc
     @cython.nogil
@@ -1819,6 +1871,8 @@ class RoadMotion:
                             self.base[j] += self.slope[j]
                         self.step(0, seconds / pieces, traction[i - 1] + pull * part, pull / pieces)
                     self.change_speed(0, speed[i])
+                    if self.lagging != 0.0 and parts > 0:
+                        self.press(0)
                     for j in range(P):
                         self.base[j] = heights[i * P + j] - self.origin[0]
                     self.publish_now(0)
