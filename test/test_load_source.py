@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import math
 from pathlib import Path
@@ -310,6 +311,33 @@ def log(tmp_path, bag):
     return tmp_path / "log"
 
 
+def bands_are_two_deviations(drive):
+    """Of the load as it was stated, of the axle's force by the covariance that the node can publish."""
+    from tire_dynamics.report.charts import force_figure
+
+    def numbers(packed):
+        return np.frombuffer(base64.b64decode(packed["bdata"]), "<f4").astype(float)
+
+    bands = [trace for trace in force_figure(drive)["data"] if trace["meta"]["group"] == "deviation"]
+    places = [(trace["meta"]["wheel"], trace["yaxis"]) for trace in bands]
+    assert places == [(w, axis) for w in range(4) for axis in ("y", "y2")]
+    for number, wheel in enumerate(drive.wheels):
+        at, deviation = wheel.deviation.curve()
+        corner = math.sqrt((CAR.spring_rates[number] + CAR.tire_rates[number]) / CAR.unsprung_masses[number])
+        covariance = axle_force_covariance(drive.unit, wheel.mean_speed, corner / (2.0 * math.pi))
+        factors, own = (1.0, math.sqrt(covariance[1, 1])), bands[2 * number : 2 * number + 2]
+        for curve, factor, band in zip(("load_z", "axle_z"), factors, own, strict=True):
+            x, y = numbers(band["x"]), numbers(band["y"])
+            half = x.size // 2
+            assert (x[:half] == x[: half - 1 : -1]).all()
+            time, value = wheel.curves[curve].curve()
+            expected = 2e-3 * factor * np.interp(x[:half], at, deviation)
+            upper, lower = y[:half] - expected, y[: half - 1 : -1] + expected
+            assert upper.max() == pytest.approx(1e-3 * value.max(), abs=1e-5)
+            assert lower.min() == pytest.approx(1e-3 * value.min(), abs=1e-5)
+            assert (upper >= lower - 1e-6).all()
+
+
 def test_a_report_has_the_estimated_loads_with_their_deviations(tmp_path, log, capsys):
     pytest.importorskip("plotly", reason="plotly is not installed: the extra `report` brings it")
     drive = gather(BagReader(log), BagReader(log), quiet=True)
@@ -324,6 +352,7 @@ def test_a_report_has_the_estimated_loads_with_their_deviations(tmp_path, log, c
         assert numbers.mean == pytest.approx(np.mean(loads), rel=1e-12)
         assert (wheel.deviations.count, wheel.deviations.high) == (len(deviations), max(deviations))
         assert wheel.deviations.mean == pytest.approx(np.mean(deviations), rel=1e-12)
+    bands_are_two_deviations(drive)
     assert drive.sources == ("wheel_speed", "imu", "travel", "hub") and drive.band_hz == 20.0
     assert {each.topic: (each.messages, each.is_sensor) for each in drive.inputs} == {
         "/joint_states": (200, False), "/imu": (400, True), "/travel": (200, True), "/hubs": (1000, True),
@@ -336,6 +365,7 @@ def test_a_report_has_the_estimated_loads_with_their_deviations(tmp_path, log, c
         f"{round(drive.wheels[0].deviations.mean)}<small>to {round(drive.wheels[0].deviations.high)}</small>",
         "Load z, estimated [kN]",
         "under loads that were estimated",
+        "of the estimated load, which is known up to 20 Hz",
     ):
         assert words in text, words
 

@@ -113,6 +113,13 @@ class VehicleParameters:
         )
         return first, second, third, fourth
 
+    @property
+    def hop_frequencies(self) -> Four:
+        """At which each wheel hops between its spring and its tire [Hz]."""
+        masses = zip(self.unsprung_masses, self.spring_rates, self.tire_rates, strict=True)
+        found = [math.sqrt((spring + tire) / mass) / (2.0 * math.pi) for mass, spring, tire in masses]
+        return found[0], found[1], found[2], found[3]
+
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> VehicleParameters:
         """A car from field names and values.

@@ -58,8 +58,7 @@ class LoadSource:
         self.in_the_future: Counter[str] = Counter()
         self._vehicle, self._has_covariance = vehicle, has_covariance
         self._last: dict[str, tuple[int, tuple[float, ...]]] = {}
-        masses = zip(car.unsprung_masses, car.spring_rates, car.tire_rates, strict=True)
-        self._corners = tuple(math.sqrt((spring + tire) / mass) / (2.0 * math.pi) for mass, spring, tire in masses)
+        self._corners = car.hop_frequencies
 
     @property
     def wheels(self) -> tuple[str, ...]:

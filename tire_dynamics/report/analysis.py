@@ -29,6 +29,7 @@ __all__ = [
     "Transfer",
     "WheelAngle",
     "decimate",
+    "extremes",
     "gaps",
     "segment_length",
 ]
@@ -111,6 +112,14 @@ class Envelope:
             return np.empty(0), np.empty(0)
         times, values = (np.concatenate(column) for column in zip(*self._pieces, strict=True))
         return decimate(times, values, *self._range)
+
+
+def extremes(time: FloatArray, value: FloatArray, pieces: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Of a curve in pieces of equally many samples: the middles of their times, their lowest and highest values."""
+    first = np.arange(0, time.size, max(1, -(-time.size // pieces)))
+    last = np.append(first[1:], time.size) - 1
+    middle = 0.5 * (time[first] + time[last])
+    return middle, np.minimum.reduceat(value, first), np.maximum.reduceat(value, first)
 
 
 def gaps(time: ArrayLike, longest: float) -> FloatArray:

@@ -10,9 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cdr import messages
+from ..replay.parameters import car_of
 from ..science.uniformity import OrderSums
+from .analysis import extremes
 from .gather import CURVES, Drive, Wheel, WheelHarmonics
-from .theory import RPM, Bands, load_to_force, response_range, road_to_force, steady
+from .theory import RPM, Bands, deviation_of_force, load_to_force, response_range, road_to_force, steady
 from .traces import (
     BAND,
     ERRORS,
@@ -43,13 +45,14 @@ __all__ = [
 IMAGES = 0.4  # of the rate: above, what is held between samples shows more images than response
 COHERENT = 0.5  # below it an estimate of the response is not drawn
 BARS = 400  # intervals of a wheel's outputs that are drawn
+PIECES = 1500  # of a band around a curve
 
 
 def force_figure(drive: Drive) -> Figure:
     """Load, axle force and speed over time, one below the other with one axis of time."""
     load = "Load z, estimated [kN]" if drive.load_source == "estimate" else "Load z [kN]"
     titles = (load, "Axle z [kN]", "Traction x [kN]", "Axle x [kN]", "Speed [rpm]")
-    traces = []
+    traces = _deviations(drive)
     for row, curve in enumerate(CURVES):
         factor = 1.0 / RPM if curve == "speed" else 1e-3
         for index, wheel in enumerate(drive.wheels):
@@ -62,6 +65,29 @@ def force_figure(drive: Drive) -> Figure:
     layout = rows_layout(titles, "Time since the beginning [s]") | {"height": 880, "showlegend": False}
     layout["xaxis"]["range"] = [0.0, drive.duration]
     return {"data": traces, "layout": layout}
+
+
+def _deviations(drive: Drive) -> list[Figure]:
+    """Two standard deviations either side of estimated loads, and of what they make of the axle's force."""
+    if drive.load_source != "estimate":
+        return []
+    traces = []
+    for index, (wheel, hop) in enumerate(zip(drive.wheels, car_of(drive.parameters).hop_frequencies, strict=True)):
+        at, deviation = wheel.deviation.curve()
+        if not at.size or not wheel.numbers["speed"].count:
+            continue
+        share = deviation_of_force(drive.unit, wheel.mean_speed, hop, drive.parameters["model"])
+        for row, (curve, factor) in enumerate((("load_z", 2.0), ("axle_z", 2.0 * share))):
+            time, value = wheel.curves[curve].curve()
+            cuts = np.searchsorted(time, [0.5 * (begin + end) for begin, end in wheel.gaps[:BARS]])
+            for some in np.split(np.arange(time.size), np.unique(cuts)):
+                if some.size < 2 or math.isnan(factor):
+                    continue
+                middle, low, high = extremes(time[some], value[some], PIECES)
+                wide = factor * np.interp(middle, at, deviation)
+                around = 1e-3 * np.stack([low - wide, high + wide])
+                traces.append(filled(middle, around, ERRORS, wheel.name, index, "deviation", row))
+    return traces
 
 
 def _broken(time: NDArray[Any], value: NDArray[Any], wheel: Wheel) -> tuple[NDArray[Any], NDArray[Any]]:

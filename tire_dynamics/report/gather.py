@@ -105,6 +105,7 @@ class Wheel:
         self.curves = {curve: Envelope(0.0, duration, buckets) for curve in CURVES}
         self.numbers = {curve: Moments() for curve in CURVES}
         self.deviations = Moments()  # of the load, where it is estimated: its stated standard deviation [N]
+        self.deviation = Envelope(0.0, duration, buckets)  # the same over time
         self.speeds: Counter[int] = Counter()  # samples by speed, to 1 rad/s
         self.spectra = Spectra(rate, segment_length(rate, duration), hold=1 if on_road else 0)
         self.of_load = Spectra(rate, segment_length(rate, duration)) if on_road else self.spectra
@@ -573,7 +574,9 @@ class _Reading:
         """The same where loads are estimated; each acts from its tick on."""
         place = of(f"{wheel.name}/load_standard_deviation")
         valid, deviation = messages.decode_float64s(block.data, block.start[place], block.size[place])
-        wheel.deviations.add(deviation[valid & (deviation >= 0.0) & (deviation < BEYOND)])
+        usable = valid & (deviation >= 0.0) & (deviation < BEYOND)
+        wheel.deviations.add(deviation[usable])
+        wheel.deviation.add(self._seconds(self._tick_before(place[usable])), deviation[usable])
         return self._take_output(wheel, block, of(f"{wheel.name}/load_estimate"))
 
     def _take_output(self, wheel: Wheel, block: Block, place: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -84,6 +84,7 @@ def page(drive: Drive, known: Errors | None = None) -> tuple[str, str]:
         without_angle=without_angle(drive, harmonics),
         exaggeration=number(exaggeration),
         load_source=drive.load_source,
+        band_hz=f"{drive.band_hz:g}",
         modes=modes,
         diagram_modes=None if modes is None else min(modes, DIAGRAM_MODES),
         damping=drive.parameters["tire.sidewall_damping"],

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..files.errors import InputError
 from ..science import uncertainty, wheel
+from ..science.axle_variance import axle_force_covariance
 from ..science.campbell import campbell_exponents, contact_modes, jumps
 from ..science.contact_points import ContactPoints
 from ..science.floquet import VERDICTS, Verdict
@@ -31,6 +32,7 @@ __all__ = [
     "Errors",
     "bands",
     "campbell",
+    "deviation_of_force",
     "load_to_force",
     "response_range",
     "road_to_force",
@@ -57,6 +59,14 @@ def load_to_force(
         return frequency_response(unit, speed, frequency, model)[..., 1, 0]
     except ValueError:  # undamped, and at a resonance
         return np.full((*np.shape(speed), frequency.size), math.nan + 0j)
+
+
+def deviation_of_force(unit: TireWheelUnit, speed: float, hop_hz: float, model: wheel.Model = "inextensional") -> float:
+    """Standard deviation of the axle's force z per one of an estimated load, as ``axle_wrench_covariance`` has it.
+
+    NaN where the unit is not stable.
+    """
+    return math.sqrt(float(axle_force_covariance(unit, speed, hop_hz, model)[1, 1]))
 
 
 def road_to_force(

@@ -44,10 +44,10 @@ def line(
 
 
 def filled(
-    x: NDArray[Any], y: Any, colour: str, name: str, wheel: int | None = None, group: str = "errors"
+    x: NDArray[Any], y: Any, colour: str, name: str, wheel: int | None = None, group: str = "errors", row: int = 0
 ) -> Figure:  # fmt: skip
     """A trace that fills what lies between two curves, (2, N)."""
-    around = line(np.concatenate([x, x[::-1]]), np.concatenate([y[1], y[0][::-1]]), colour, name, 0, wheel, group, 0)
+    around = line(np.concatenate([x, x[::-1]]), np.concatenate([y[1], y[0][::-1]]), colour, name, row, wheel, group, 0)
     return around | {"fill": "toself", "fillcolor": colour, "hoverinfo": "skip"}
 
 
