@@ -199,7 +199,7 @@ def test_whether_it_can_be_replayed_is_what_replay_finds(tmp_path, log):
     assert "--remap wheel/load:=/fl/force" in why
     remaps = {"wheel/load": "/fl/force", "wheel/wheel_speed": "/fl/omega"}
     replay = info(tmp_path / "other", remaps)["replay"]
-    assert replay == {"possible": True, "wheels": ("wheel",), "inputs": remaps, "without": {}}
+    assert replay == {"possible": True, "wheels": ("wheel",), "inputs": remaps, "without": {}, "mapped": []}
 
 
 def test_counts_that_do_not_add_up_are_not_believed(tmp_path):

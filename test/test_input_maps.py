@@ -6,6 +6,7 @@ The definitions are the fields of the public ones; where each comes from stands 
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,11 @@ import pytest
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from tire_dynamics.bag import BagReader, BagWriter
+from tire_dynamics.cli.info import info
+from tire_dynamics.cli.main import main
 from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.bag_setup import bag_setup, pipeline_of
+from tire_dynamics.replay.input_map import sources
 from tire_dynamics.replay.parameters import PARAMETERS, complete, read_inputs
 from tire_dynamics.replay.pipeline import Pipeline
 from tire_dynamics.replay.replay import replay
@@ -379,3 +383,103 @@ def test_a_bag_in_sqlite_with_its_definitions(tmp_path):
     done = replay(tmp_path / "drive.db3", tmp_path / "out", inputs=MAPS / "dataspeed.yaml")
     assert not done.without and done.written["rear_right/axle_wrench"] > 400
     assert done.parameters["inputs.imu.topic"] == ()  # which the bag does not have
+
+
+# -- what a map takes, and why a wheel has nothing -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MESSAGES)
+def test_info_counts_what_a_map_takes_its_rate_and_its_range(name, bags):
+    taken = info(bags / name, inputs=MAPS / f"{name}.yaml")["replay"]["mapped"]
+    expected = {
+        "speed": dict(zip(WHEELS, OMEGA, strict=True)), "load": dict(zip(WHEELS, LOAD, strict=True)),
+        "angle": dict(zip(WHEELS, ANGLE, strict=True)), "travel": dict(zip(WHEELS, TRAVEL, strict=True)),
+        "traction": dict(zip(WHEELS, TRACTION, strict=True)), "vehicle_speed": {"vehicle": 9.5},
+        "imu": dict(zip(("force_x", "force_y", "force_z", "rate_x", "rate_y", "rate_z"), (*FORCE, *RATE), strict=True)),
+    }  # fmt: skip
+    values = bag_setup(BagReader(bags / name), inputs=MAPS / f"{name}.yaml").values
+    assert {each["quantity"] for each in taken} == {source.quantity for source in sources(values)}
+    got: dict[str, dict] = {}
+    for each in taken:
+        assert (each["looked_at"], each["malformed"]) == (100, 0) and each["rate_hz"] == pytest.approx(100.0)
+        got.setdefault(each["quantity"], {}).update(each["values"])
+    for quantity, parts in got.items():
+        assert parts.keys() == expected[quantity].keys()
+        for part, of in parts.items():
+            assert of["count"] == 100
+            if quantity != "traction" or name == "gazebo":
+                assert (of["low"], of["high"]) == pytest.approx((expected[quantity][part],) * 2, rel=1e-6)
+
+
+def test_info_shows_it_to_people(bags, capsys):
+    assert main(["info", str(bags / "carla"), "--inputs", str(MAPS / "carla.yaml")]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.startswith("field map")]
+    assert any(
+        "speed [rad/s] of /carla/telemetry: front_left 30 to 30, front_right 31 to 31" in line
+        and line.endswith("; first 100 messages at 100 Hz")
+        for line in lines
+    )
+
+
+def simulated_bag(folder, start):
+    """Speeds of the by-wire kit with stamps from ``start`` on, received as everything else is now."""
+    kind = "ds_dbw_msgs/msg/WheelSpeeds"
+    with BagWriter(folder) as bag:
+        speeds = bag.add_topic("/vehicle/wheel_speeds", kind, definition=DEFINITIONS[kind])
+        loads = [bag.add_topic(f"/{wheel}/load", "geometry_msgs/msg/WrenchStamped") for wheel in WHEELS]
+        for k in range(200):
+            time = 10_000_000 * k
+            bag.write(speeds, START + time, START + time, made(kind, start + time, **four(OMEGA))[1])
+            for load in loads:
+                bag.write(load, START + time, START + time, wrench(start + time, 4000.0, 0.0)[1])
+    return folder
+
+
+@pytest.mark.parametrize("clock", ["stamp", "log"])
+def test_a_mapped_bag_of_two_clocks_is_refused_with_what_helps_and_that_helps(tmp_path, clock):
+    bag = simulated_bag(tmp_path / "in", 5_000_000_000 - START)
+    config = {"inputs": MAPS / "dataspeed.yaml"}
+    with pytest.raises(InputError, match=r"stamps and times of receipt .*stamp 5\.000 s, .* --clock stamp") as caught:
+        replay(bag, tmp_path / "out", **config)
+    assert "on its speed" in str(caught.value)
+    done = replay(bag, tmp_path / "out", clock=clock, **config)
+    assert not done.without and done.written["rear_right/axle_wrench"] > 900
+
+
+def test_a_wheel_that_the_messages_do_not_name_is_said_with_the_place_to_look(tmp_path, capsys):
+    with BagWriter(tmp_path / "in") as bag:
+        states = bag.add_topic("/wheels", "sensor_msgs/msg/JointState")
+        loads = [bag.add_topic(f"/{wheel}/load", "geometry_msgs/msg/WrenchStamped") for wheel in WHEELS]
+        for k in range(100):
+            time = 10_000_000 * k
+            names = {"name": ["fl", "fr", "rl"], "position": np.empty(0), "effort": np.empty(0)}
+            data = made("sensor_msgs/msg/JointState", time, velocity=np.array(OMEGA[:3]), **names)[1]
+            bag.write(states, START + time, START + time, data)
+            for load in loads:
+                bag.write(load, START + time, START + time, wrench(time, 4000.0, 0.0)[1])
+    text = "/**:\n  ros__parameters:\n    joint_names: [fl, fr, rl, rr]\n"
+    text += "    inputs:\n      speed: {topic: /wheels, field: velocity}\n"
+    (tmp_path / "map.yaml").write_text(text, encoding="utf-8")
+    why = "100 messages of its speed have no number for it where inputs.speed.field, of /wheels, says"
+    wanted = {"rear_right": why}
+    assert info(tmp_path / "in", inputs=tmp_path / "map.yaml")["replay"]["without"] == wanted
+    done = replay(tmp_path / "in", tmp_path / "out", inputs=tmp_path / "map.yaml")
+    assert done.without == wanted and done.written["rear_left/axle_wrench"] > 400
+
+
+def test_values_beyond_all_bounds_are_said_of_a_mapped_wheel_too(tmp_path):
+    kind = "ds_dbw_msgs/msg/WheelSpeeds"
+    with BagWriter(tmp_path / "in") as bag:
+        speeds = bag.add_topic("/vehicle/wheel_speeds", kind, definition=DEFINITIONS[kind])
+        loads = [bag.add_topic(f"/{wheel}/load", "geometry_msgs/msg/WrenchStamped") for wheel in WHEELS]
+        for k in range(100):
+            time = 10_000_000 * k
+            data = made(kind, time, **{**four(OMEGA), "rear_left": 1e6})[1]
+            bag.write(speeds, START + time, START + time, data if k < 90 else data[:20])
+            for load in loads:
+                bag.write(load, START + time, START + time, wrench(time, 4000.0, 0.0)[1])
+    done = replay(tmp_path / "in", tmp_path / "out", inputs=MAPS / "dataspeed.yaml")
+    assert [*done.without] == ["rear_left"]
+    assert re.fullmatch(r"its speed was beyond max_speed_rad_s \(\d+\) 90 times", done.without["rear_left"])
+    [taken] = info(tmp_path / "in", inputs=MAPS / "dataspeed.yaml")["replay"]["mapped"]
+    assert taken["malformed"] == 10 and taken["values"]["rear_left"] == {"count": 90, "low": 1e6, "high": 1e6}

@@ -11,26 +11,37 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cdr.messages import JOINT_STATE, WRENCH_STAMPED
+from ..cdr.definition import SINGLE, full_name, parse_definition
+from ..cdr.messages import JOINT_STATE, WRENCH_STAMPED, MessageError
 from .block import Block
 
-__all__ = ["CLOCKS", "STAMPED", "on_clock", "stamps_of"]
+__all__ = ["CLOCKS", "begins_with_stamp", "on_clock", "stamps_of"]
 
 IntArray = NDArray[np.int64]
 
 CLOCKS = ("stamp", "log")
 """``stamp``: messages count as received when the stamps say so; ``log``: stamps are those of the receipt."""
 
-STAMPED = (JOINT_STATE, WRENCH_STAMPED)
-"""Types of inputs that begin with a header."""
-
+_STAMPED = (JOINT_STATE, WRENCH_STAMPED)
+_STAMPS = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
 _HEAD = 12  # bytes: the encapsulation's four, seconds, nanoseconds
 _SECOND = 10**9
 _LEAP = 60 * _SECOND  # a stamp that is so far ahead of all before it is wrong, unless as much time has passed
 _FASTEST = 100  # times wall time, of a simulation
 
 
-def on_clock(blocks: Iterable[Block], kinds: Iterable[str], clock: str) -> Iterator[Block]:
+def begins_with_stamp(msgtype: str, definition: str | None) -> bool:
+    """Whether messages of a type begin with a header or a stamp, by its definition if it is not an input's own."""
+    if msgtype in _STAMPED:
+        return True
+    try:
+        first = parse_definition(definition or "", msgtype)[full_name(msgtype)][0]
+    except (MessageError, LookupError):
+        return False
+    return first.kind in _STAMPS and first.length == SINGLE
+
+
+def on_clock(blocks: Iterable[Block], stamped: Iterable[bool], clock: str) -> Iterator[Block]:
     """The blocks of a bag with one clock.
 
     With ``stamp`` the log time of every message is the latest stamp so far, as a live node with simulated time would
@@ -40,14 +51,14 @@ def on_clock(blocks: Iterable[Block], kinds: Iterable[str], clock: str) -> Itera
     Parameters
     ----------
     blocks : iterable of Block
-    kinds : iterable of str
-        Type by the topic's number.
+    stamped : iterable of bool
+        By the topic's number, whether its messages begin with a stamp.
     clock : {"stamp", "log"}
     """
-    stamped = np.array([kind in STAMPED for kind in kinds], bool)
+    has_stamp = np.array(list(stamped), bool)
     now = before = None  # the stamps' clock, and the log time of the last message
     for block in blocks:
-        some = np.flatnonzero(stamped[block.topic] & (block.size >= _HEAD))
+        some = np.flatnonzero(has_stamp[block.topic] & (block.size >= _HEAD))
         stamps = stamps_of(block.data, block.start[some])
         some, stamps = some[stamps > 0], stamps[stamps > 0]
         if clock == "log":
@@ -75,7 +86,7 @@ def _without_leaps(times: IntArray, log_time: IntArray, now: int, before: int) -
 
 
 def stamps_of(data: bytes, start: IntArray) -> IntArray:
-    """Stamps [ns] of messages that begin with a header, which must fit."""
+    """Stamps [ns] of messages that begin with one, which must fit."""
     octets = np.frombuffer(data, np.uint8)
     words = octets[start[:, None] + np.arange(4, _HEAD)]
     big = octets[start + 1] & 1 == 0

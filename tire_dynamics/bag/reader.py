@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from ..files.errors import InputError
 from .block import Block
 from .chunks import HEAD, heads_at
-from .clock import CLOCKS, on_clock
+from .clock import CLOCKS, begins_with_stamp, on_clock
 from .fields import OTHER_FIELDS, has_other_fields
 from .files import MCAP, SQLITE, Found, Unpacking, files_of, yaml_texts
 from .record_types import MAGIC, Channel, Metadata, MetadataIndex, Opcode, Schema, Statistics
@@ -197,6 +197,10 @@ class BagReader:
                 return text
         return None
 
+    def has_stamp(self, topic: str) -> bool:
+        """Whether the messages of a topic begin with a stamp, as far as the bag says."""
+        return begins_with_stamp(self.topics[topic], self.definition(self.topics[topic]))
+
     def rare(self, topic: str) -> Iterator[tuple[int, bytes]]:
         """Log time and content of the messages of a topic of few, in the order of the files.
 
@@ -295,7 +299,10 @@ class BagReader:
             As ``messages`` does, after all that stands before the damage.
         """
         blocks = self._blocks(topics, in_file_order, least)
-        yield from blocks if self.clock is None else on_clock(blocks, self.topics.values(), self.clock)
+        if self.clock is None:
+            yield from blocks
+        else:
+            yield from on_clock(blocks, map(self.has_stamp, self.topics), self.clock)
 
     def _blocks(self, topics: Iterable[str] | None, in_file_order: bool, least: int) -> Iterator[Block]:
         wanted = None if topics is None else frozenset(topics)

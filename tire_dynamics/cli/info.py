@@ -21,6 +21,7 @@ from ..bag.writer import offered_qos
 from ..files.errors import InputError
 from ..replay.bag_setup import bag_setup, check, joints_of, log_record, log_topic, pipeline_of, remaps_of
 from ..replay.input_map import mapped_types
+from ..replay.inputs import mapped_values
 from ..replay.parameters import complete
 from ..replay.pipeline import fixed_inputs
 from .answer import plain, printable
@@ -56,8 +57,10 @@ def info(
         unless it is a log of the node: node, wheels, rate_hz, parameters (those not at their defaults), dropped
         (messages that never came into it, by topic; None if that is not known), or error. ``damage`` and
         ``repair``: what is wrong, and the command that helps; None for a whole bag. ``replay``: possible, wheels,
-        inputs (topic of the bag by input) and without (why, by wheel, of those that will have no outputs, as far as
-        their first messages say), or why not. What is not known is None.
+        inputs (topic of the bag by input), without (why, by wheel, of those that will have no outputs, as far as
+        their first messages say) and mapped (what a field map takes of its topics' first messages: topic, quantity,
+        unit, looked_at, rate_hz, malformed, and of each wheel or component count, low and high), or why not. What is
+        not known is None.
 
     Raises
     ------
@@ -156,11 +159,12 @@ def _replay(
     if not any(reader.counts[name] != 0 for name in found.values()):
         return {"possible": False, "why_not": "there is no message on any of its inputs"}
     try:
-        pipeline_of(reader, how)
-        without = check(reader, how) if how.log is None else {}
+        mapped = pipeline_of(reader, how).mapped
+        taken = [*mapped_values(reader, how.values, how.names, mapped)]
+        without = check(reader, how, mapped) if how.log is None else {}
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
-    return {"possible": True, "wheels": how.values["wheels"], "inputs": found, "without": without}
+    return {"possible": True, "wheels": how.values["wheels"], "inputs": found, "without": without, "mapped": taken}
 
 
 def _without_name(reader: BagReader, error: Exception) -> str:
@@ -241,8 +245,21 @@ def _facts(content: Mapping[str, Any]) -> Iterator[tuple[str, str, str]]:
         yield "replay", f"yes: {_listed(wheels)}", "green"
         for wheel, reason in replay["without"].items():
             yield "", f"no output of {_shown(wheel)}: {_shown(reason, 1000)}", "yellow"
+        for each in replay["mapped"]:
+            yield "field map", _shown(_taken(each), 1000), "yellow" if each["malformed"] else ""
     else:
         yield "replay", f"no: {_shown(replay['why_not'], 1000)}", "yellow"
+
+
+def _taken(each: Mapping[str, Any]) -> str:
+    """What the map takes of a quantity."""
+    parts = []
+    for name, of in each["values"].items():
+        parts.append(f"{name} {of['low']:.4g} to {of['high']:.4g}" if of["count"] else f"{name} none")
+    rate = "" if each["rate_hz"] is None else f" at {each['rate_hz']:.4g} Hz"
+    bad = f", {each['malformed']:,} of them malformed" if each["malformed"] else ""
+    head = f"{each['quantity']} [{each['unit']}] of {each['topic']}: "
+    return f"{head}{', '.join(parts)}; first {each['looked_at']:,} messages{rate}{bad}"
 
 
 def _row(topic: Mapping[str, Any]) -> Iterator[str]:

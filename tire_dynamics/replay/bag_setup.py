@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, NamedTuple
 
 from ..bag import BagReader
 from ..cdr import messages
 from ..files.errors import InputError
-from .input_map import mapped_types, sources, without_absent
+from .input_map import MappedTopic, mapped_types, sources, without_absent
 from .inputs import first_reasons, hint
 from .parameters import CAR, NODE_NAME, complete, read_car, read_config, read_inputs
 from .pipeline import LOG_RECORD, TICK, Pipeline, fixed_inputs, output_types
@@ -113,13 +113,15 @@ def pipeline_of(reader: BagReader, how: BagSetup) -> Pipeline:
         raise InputError(f"{reader.path}: {error}") from None
 
 
-def check(reader: BagReader, how: BagSetup) -> dict[str, str]:
+def check(reader: BagReader, how: BagSetup, mapped: Sequence[MappedTopic]) -> dict[str, str]:
     """See that the first messages of a bag's inputs can be used: their encoding, clocks, joints and velocities.
 
     Parameters
     ----------
     reader : BagReader
     how : BagSetup
+    mapped : sequence of MappedTopic
+        As of the pipeline.
 
     Returns
     -------
@@ -131,7 +133,7 @@ def check(reader: BagReader, how: BagSetup) -> dict[str, str]:
     InputError
         No wheel can have outputs; the reason says why, and what helps.
     """
-    found = first_reasons(reader, how.values, how.names)
+    found = first_reasons(reader, how.values, how.names, mapped)
     if len(found) == len(how.values["wheels"]):
         wheels: dict[str, list[str]] = {}
         for wheel, reason in found.items():

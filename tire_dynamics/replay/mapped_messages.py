@@ -44,6 +44,11 @@ class MappedMessages:
         self._wheels = wheels
 
     @property
+    def mapped(self) -> list[MappedTopic]:
+        """As they were given."""
+        return [topic for _, topic in self._topics.values()]
+
+    @property
     def topics(self) -> dict[str, str]:
         """Message type by topic."""
         return {name: topic.msgtype for name, (_, topic) in self._topics.items()}

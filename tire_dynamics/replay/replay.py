@@ -98,9 +98,9 @@ def replay(
     keep_apart(reader.path, reader.paths, Path(output))
     how = bag_setup(reader, config, remaps, joints, inputs, vehicle)
     values, names, log = how
-    if log is None:
-        check(reader, how)
     pipeline = pipeline_of(reader, how)
+    if log is None:
+        check(reader, how, pipeline.mapped)
     seen = InputDoubts(reader, pipeline.values, names) if log is None else None
     if clock is None and log is not None and log["parameters"].get("rate_hz") == pipeline.values["rate_hz"]:
         blocks = recorded_events(reader, names, pipeline, quiet)
@@ -111,11 +111,11 @@ def replay(
     except messages.MessageError as error:  # of a tick; inputs that are malformed are counted
         raise InputError(f"{source}: {error}") from None
     except _NothingError as error:
-        found = reasons(reader, values, names, pipeline.values["wheels"])
+        found = reasons(reader, values, names, pipeline.values["wheels"], pipeline.mapped)
         said = "; ".join(f"{wheel}: {why}" for wheel, why in found.items())
         raise InputError(f"{error}; {said}") from None
     still = [wheel for wheel in pipeline.values["wheels"] if not written[f"{wheel}/axle_wrench"]]
-    without = reasons(reader, values, names, still)
+    without = reasons(reader, values, names, still, pipeline.mapped)
     doubts = [] if seen is None else seen.doubts()
     if seen is not None and pipeline.mapped:
         doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))

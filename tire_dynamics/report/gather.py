@@ -357,7 +357,8 @@ class _Reading:
 
     def reasons(self, reader: BagReader) -> dict[str, str]:
         """Why wheels have no outputs."""
-        return reasons(reader, self.parameters, self.names, [each.name for each in self.wheels if not each.outputs])
+        without = [each.name for each in self.wheels if not each.outputs]
+        return reasons(reader, self.parameters, self.names, without, self._mapped.mapped)
 
     def sources(self) -> tuple[str, ...]:
         """What the loads were estimated from, if they were, the best last."""
