@@ -283,6 +283,8 @@ def _curves(v: FloatArray, imu: FloatArray) -> _Ratio | None:
 def _whole(columns: FloatArray) -> FloatArray:
     """Columns with their gaps closed by lines; NaN where too much is missing."""
     there = ~np.isnan(columns)
+    if there.all():
+        return columns
     at = np.arange(len(columns))
     found = np.full_like(columns, np.nan)
     for k in np.flatnonzero(there.mean(axis=0) >= 1.0 - _MISSING).tolist():
