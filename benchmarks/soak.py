@@ -66,7 +66,7 @@ GROWTH = {"memory [MiB]": 16.0, "threads": 0.0, "descriptors": 0.0, "shared memo
 # 0.07; a node takes some 2 MiB in its first minutes, and a log whose thread gets no processor what then waits for it.
 QUIET_GROWTH = 4.0  # [MiB]
 UNIT = TireWheelUnit.table_1()
-UNSTABLE = 6000.0  # [rad/s]: MODEL.md section 5 has the limit of Table 1 at 2350
+UNSTABLE = 6000.0  # [rad/s]: Table 1 loses its stability at 22 400 rpm, 2350 rad/s (docs/model.md, section 12)
 ERROR = b"\x02"
 OUTPUTS = ("axle_wrench", "ring_deflection", "ring_shape")
 

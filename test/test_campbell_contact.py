@@ -29,7 +29,7 @@ MODELS = ("inextensional", "complete")
     ],
 )  # fmt: skip
 def test_the_lowest_three_are_models_and_have_their_names(rpm, names, frequencies, decay):
-    """MODEL 6: frequencies and decay rates in contact; which motion each is, by the free tire's at that speed."""
+    """docs/model.md, section 12; which motion each is, by those of the free tire at that speed."""
     found = campbell.campbell_exponents(ROAD, [rpm * RPM], (2, 3), contact=True)
     exponents = np.array([(found[0] | found[1])[name][0] for name in names])
     np.testing.assert_allclose(exponents.imag / (2.0 * math.pi), frequencies, atol=5.1e-5)

@@ -305,7 +305,7 @@ def test_stability_prints_the_reply_of_the_service():
     assert reply["period_s"] == pytest.approx(0.03, rel=1e-15)
     assert reply["verdict"] == "asymptotically stable"
     moduli = sorted(abs(complex(*pair)) for pair in reply["multipliers"])
-    # MODEL.md section 5, six decimals
+    # docs/model.md, section 12, six decimals
     assert moduli == pytest.approx([0.476304, 0.476304, 0.613536, 0.613536, 0.687992, 0.687992], abs=5e-7)
     assert reply["spectral_radius"] == max(moduli)
     # mu = exp(lambda T); rounding of exp and of the product
@@ -342,7 +342,7 @@ def test_stability_lists_the_tongues(config):
 
 def test_stability_takes_either_kind_of_config(config):
     rpm = 8000.0
-    # MODEL.md section 4: reaction at zeta_1 = 0.1 loses its stability at 7 986 rpm; section 5: modal at 12 100 rpm.
+    # docs/model.md, section 12: at zeta_1 = 0.1 stability is lost at 7986 rpm (reaction) and 12 100 rpm (modal).
     path = config("zeta_1: 0.1\nsidewall_damping: reaction\n")
     reply = json.loads(called("stability", "--speed-rpm", rpm, "--config", path).stdout)
     assert reply["verdict"] == "unstable"

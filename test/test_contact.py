@@ -1,4 +1,4 @@
-"""The tire on the road, at constant speed: what MODEL.md section 6 states, and the closed forms behind it."""
+"""The tire on the road, at constant speed: docs/model.md, sections 11 and 12, and closed forms."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ ROAD = PATCH.replace(vertical_stiffness=2e5, sidewall_damping="reaction")
     ],
 )
 def test_the_tires_own_static_stiffness(unit, n_max, stiffness):
-    """MODEL 6, to the last printed digit."""
+    """docs/model.md, section 12, to the last printed digit."""
     assert ring.static_stiffness(unit, n_max) == pytest.approx(stiffness, abs=0.05)
 
 
 def test_the_residual_spring_makes_up_for_the_belt():
-    """MODEL 6, to the last printed digit; and whatever n_max is, the whole is what was asked for."""
+    """docs/model.md, section 12, to the last printed digit; and whatever n_max is, the whole is what was asked for."""
     assert wheel.residual_stiffness(ROAD, 30) == pytest.approx(550312.4, abs=0.05)
     assert wheel.residual_stiffness(ROAD, 10) == pytest.approx(534482.4, abs=0.05)
     for model in ("inextensional", "complete"):
@@ -85,7 +85,7 @@ def whirls(unit, rpm_, **options):
     ],
 )
 def test_lowest_frequencies_in_contact(speed, frequencies, decay):
-    """MODEL 6, to the last printed digit."""
+    """docs/model.md, section 12, to the last printed digit."""
     hertz, rates = whirls(ROAD, speed)
     assert hertz == pytest.approx(frequencies, abs=5e-5)
     assert rates == pytest.approx(decay, abs=5e-5)
@@ -93,7 +93,7 @@ def test_lowest_frequencies_in_contact(speed, frequencies, decay):
 
 
 def test_lowest_frequencies_with_a_car_above():
-    """MODEL 6, to the last printed digit: the body at 1.5 Hz, the wheel's hop at 21 Hz."""
+    """docs/model.md, section 12, to the last printed digit: the body at 1.5 Hz, the wheel's hop at 21 Hz."""
     hertz, rates = whirls(ROAD.replace(sprung_mass=350.0, zeta_s=0.3), 60.0 / RPM)
     assert hertz == pytest.approx((1.4848, 20.7774, 78.4356), abs=5e-5)
     assert rates == pytest.approx((0.4471, 16.0993, 24.6567), abs=5e-5)
@@ -101,7 +101,7 @@ def test_lowest_frequencies_with_a_car_above():
 
 @pytest.mark.parametrize(("damping", "rpm_"), [("modal", 28167.7), ("reaction", 17384.9)])
 def test_loss_of_stability_in_contact(damping, rpm_):
-    """MODEL 6, to the last printed digit; and the verdict changes there."""
+    """docs/model.md, section 12, to the last printed digit; and the verdict changes there."""
     unit = ROAD.replace(sidewall_damping=damping)
     critical = wheel.critical_speed(unit, contact=True)
     assert critical / RPM == pytest.approx(rpm_, abs=0.05)
@@ -110,7 +110,7 @@ def test_loss_of_stability_in_contact(damping, rpm_):
 
 
 def test_axle_force_per_metre_of_road():
-    """MODEL 6, to the last printed digit."""
+    """docs/model.md, section 12, to the last printed digit."""
     H = wheel.frequency_response(ROAD, 1000.0 * RPM, [1.0, 5.0, 10.0, 20.0, 40.0, 80.0, 120.0], input="road")
     expected = [30583.2, 32456.4, 40028.4, 340959.8, 13444.1, 4759.2, 8492.5]
     assert np.abs(H[:, 1, 0]) == pytest.approx(expected, abs=0.05)
@@ -312,7 +312,7 @@ def test_standing_is_an_equilibrium(unit, speed, model, n_max, load):
 
 @pytest.mark.parametrize(("harmonic", "variation"), [(1, 62.902), (2, 57.602)])
 def test_force_variation_at_a_fixed_height(harmonic, variation):
-    """MODEL 6: complete ring, point contact, rigid tread, 2 % of k_z, 4000 N. What a uniformity machine reads."""
+    """docs/model.md, section 12: complete ring, point contact, rigid tread; what a uniformity machine reads."""
     unit = TABLE_1.replace(radial_nonuniformity=[(harmonic, 0.02, 0.3)])
     first = contact.force_variation(unit, 0.01, 4000.0, "complete", mount="machine")
     assert first.harmonics.tolist() == [harmonic]
@@ -328,7 +328,7 @@ def test_force_variation_at_a_fixed_height(harmonic, variation):
 
 @pytest.mark.parametrize(("kmh", "variation"), [(2, 30.52), (33, 34.23), (154, 202.99)])
 def test_run_out_on_a_car(kmh, variation):
-    """MODEL 6, to the last printed digit: 0.5 mm of run-out on a body that is held."""
+    """docs/model.md, section 12, to the last printed digit: 0.5 mm of run-out on a body that is held."""
     unit = ROAD.replace(radial_runout=[(1, 5e-4, 0.2)], zeta_s=0.3)
     found = contact.force_variation(unit, kmh / 3.6 / unit.radius, 4000.0)
     assert 2.0 * np.abs(found.axle) == pytest.approx([variation], abs=5e-3)

@@ -568,8 +568,8 @@ def test_a_system_time_that_is_set_back_and_forth(rig, stepped_clock, monkeypatc
 
 
 def test_instability_is_said_before_the_output_stops_at_its_bound(rig):
-    # MODEL.md section 5: zeta_1 = 0.5 loses its stability near 4 370 rpm, 457 rad/s. 5 % above, the motion grows with
-    # 5.2 1/s; from a load that sways by 10 N it takes some seconds to 1e6 m/s.
+    # At zeta_1 = 0.5 stability is lost at 457 rad/s (docs/model.md, section 12: near 4350 rpm). 5 % above, motion grows
+    # with 5.2 1/s; from a load that sways by 10 N it takes some seconds to 1e6 m/s.
     with live_node("-p", "tire.zeta_1:=0.5", "-p", "max_speed_rad_s:=100000.0") as node:
         unit = MODAL.replace(zeta_1=0.5)
         rig.feed(speed=480.0)

@@ -24,7 +24,7 @@ both = pytest.mark.parametrize("model", MODELS)
 
 
 class Lagrangian:
-    """The ring and the wheel in ring-fixed coordinates, from the energies of section 2 of the model's page.
+    """The ring and the wheel in ring-fixed coordinates, from the energies of docs/model.md, section 2.
 
     Coordinates are alpha, beta, xi, eta of each wavenumber (alpha, xi of n = 0) and last y. Every energy is quadratic
     in the displacements, so each is integrated around the ring on evenly spaced points, exactly; Lagrange's equations

@@ -190,7 +190,7 @@ def stamp_of(message) -> int:
 
 
 def steady_force(unit: TireWheelUnit, speed: float, load: float) -> tuple[float, float]:
-    """(x, z) on the axle under a constant load at constant speed, by hand from MODEL's section 2.3.
+    """(x, z) on the axle under a constant load at constant speed, by hand from docs/model.md, sections 3 and 5.
 
     Modal: R = (X, Y) with kappa X + d Omega Y = 0, Y = y (k_1 + k_s)/k_1, k_s y = K F, force.x = -k_1 X.
     Reaction: the dashpots turn with the ring, S = f: all of the load, and nothing sideways.
@@ -385,7 +385,7 @@ def test_a_steady_load_gives_the_closed_form(bench, unit, qos):
         assert message.header.frame_id == "wheel_axle"
         assert near(message.wrench.force, unit, speed, 1961.33)
         assert (message.wrench.force.y, message.wrench.torque.x, message.wrench.torque.y) == (0.0, 0.0, 0.0)
-    if unit is MODAL:  # MODEL.md section 3 and 5, the paper's 2000 rpm and 200 kg
+    if unit is MODAL:  # docs/model.md, section 12: the paper's 2000 rpm and 200 kgf
         assert forces[-1].wrench.force.x == pytest.approx(3162.18, abs=0.005)
         assert forces[-1].wrench.force.z / 1961.33 == pytest.approx(0.931556, abs=5e-7)
 
@@ -447,7 +447,7 @@ def test_a_step_of_the_load_acts_at_its_stamp_and_follows_the_exact_solution(ben
 
     F = wheel.fixed_frame_matrix(MODAL, 150.0)
     push = np.zeros(6)
-    push[1] = 1.0 / MODAL.ring_mass  # the load on Y', MODEL.md section 2.3
+    push[1] = 1.0 / MODAL.ring_mass  # the load on Y', docs/model.md, section 3
     before, after = (np.linalg.solve(-F, push * load) for load in (3000.0, 4500.0))
     early = [message for message in forces if stamp_of(message) <= step]
     late = [message for message in forces if step < stamp_of(message) <= end]
@@ -583,7 +583,7 @@ def test_the_stability_service_gives_the_closed_form(bench, speed):
     ]  # fmt: skip
     assert (reply["wheel"], reply["verdict"]) == ("wheel", "asymptotically stable")
     assert reply["speed_rad_s"] == speed
-    # MODEL.md section 5: loss of stability near 22 400 rpm at zeta_1 = zeta_s = 0.05
+    # docs/model.md, section 12: loss of stability near 22 400 rpm at zeta_1 = zeta_s = 0.05
     assert reply["critical_speed_rad_s"] * 30.0 / math.pi == pytest.approx(22_400, abs=50)
     exponents = np.array([complex(*pair) for pair in reply["exponents_1_s"]])
     eigenvalues = np.linalg.eigvals(wheel.fixed_frame_matrix(MODAL, speed))
@@ -754,7 +754,7 @@ def test_a_stale_input_stops_the_output_and_a_fresh_one_starts_it_again(bench):
 
 
 def test_an_unstable_motion_recovers_when_the_speed_does(bench):
-    # MODEL.md section 5: zeta_1 = 0.5 loses its stability near 4 350 rpm, 455 rad/s.
+    # docs/model.md, section 12: zeta_1 = 0.5 loses its stability near 4350 rpm, 455 rad/s.
     one = bench("-p", "tire.zeta_1:=0.5", "-p", "max_speed_rad_s:=100000.0")
     one.feed(speed=5000.0, load=4000.0)
     forces = one.messages(WrenchStamped, "/wheel/axle_wrench")

@@ -1,4 +1,4 @@
-"""Printed numbers: what Huang & Hsu (1992) and the model's own page give for the tire of Table 1.
+"""Printed numbers: what Huang & Hsu (1992) and docs/model.md, section 12, give for the tire of Table 1.
 
 S. C. Huang and B. S. Hsu, "An approach to the dynamic analysis of rotating tire-wheel-suspension units",
 Journal of Sound and Vibration 156(3), 1992, 505-519. Every expected value is a printed one, and its tolerance is
@@ -49,7 +49,7 @@ def test_bending_stiffness_of_table_1(unit):
 
 
 def test_derived_quantities(unit):
-    """The model's page, section 5: ring mass, sidewall stiffness, rigid mode."""
+    """Section 12: ring mass, sidewall stiffness, rigid mode."""
     assert unit.ring_mass == printed("5.88198809")
     assert unit.sidewall_stiffness == printed("1431682.834")
     assert unit.rigid_mode_frequency == printed("493.3570498")
@@ -58,7 +58,7 @@ def test_derived_quantities(unit):
 
 # -- natural frequencies ----------------------------------------------------------------------------------------
 
-FREQUENCIES = [  # n, complete lower, complete upper, inextensional [Hz]; the model's page, section 5
+FREQUENCIES = [  # n, complete lower, complete upper, inextensional [Hz]; section 12
     (0, "76.8546", "173.0465", None),
     (1, "78.3533", "230.7372", "78.5202"),
     (2, "91.1550", "348.8396", "91.7443"),
@@ -70,7 +70,7 @@ FREQUENCIES = [  # n, complete lower, complete upper, inextensional [Hz]; the mo
 
 @pytest.mark.parametrize(("n", "lower", "upper", "inextensional"), FREQUENCIES)
 def test_natural_frequencies_at_rest(unit, n, lower, upper, inextensional):
-    """The model's page, section 5: natural frequencies at rest, wheel held; at rest each is a pair."""
+    """Section 12: natural frequencies at rest, wheel held; at rest each is a pair."""
     hertz = ring.natural_frequencies(unit, n) / (2.0 * math.pi)
     assert hertz.tolist() == [printed(lower), printed(lower), printed(upper), printed(upper)]
     if inextensional is not None:
@@ -81,7 +81,7 @@ def test_natural_frequencies_at_rest(unit, n, lower, upper, inextensional):
 
 # -- transmissibility and horizontal force ----------------------------------------------------------------------
 
-TRANSMISSIBILITY = [  # zeta_1, rpm, K; the model's page, section 5
+TRANSMISSIBILITY = [  # zeta_1, rpm, K; section 12
     (0.05, 1000.0, "0.981963"),
     (0.05, 2000.0, "0.931556"),
     (0.05, 4000.0, "0.772863"),
@@ -91,7 +91,7 @@ TRANSMISSIBILITY = [  # zeta_1, rpm, K; the model's page, section 5
 
 @pytest.mark.parametrize(("zeta_1", "rpm", "expected"), TRANSMISSIBILITY)
 def test_transmissibility(unit, zeta_1, rpm, expected):
-    """The model's page, section 5: steady K, in closed form and as the force of a simulated steady state."""
+    """Section 12: steady K, in closed form and as the force of a simulated steady state."""
     damped = unit.replace(zeta_1=zeta_1)
     assert wheel.transmissibility(damped, rpm * RPM) == printed(expected)
     assert wheel.transmissibility(damped, -rpm * RPM) == printed(expected)
@@ -100,7 +100,7 @@ def test_transmissibility(unit, zeta_1, rpm, expected):
 
 
 def test_horizontal_force_of_modal_damping(unit):
-    """The model's page, section 3: +3162.18 N at x_ros at 2000 rpm under 1961.33 N, with no traction at all."""
+    """Section 12: +3162.18 N at x_ros at 2000 rpm under 1961.33 N, with no traction at all."""
     response = simulate(unit, [0.0, 1.0], 2000.0 * RPM, LOAD)
     assert response.axle_force[:, 0].tolist() == [printed("3162.18")] * 2
     assert simulate(unit, [0.0], -2000.0 * RPM, LOAD).axle_force[0, 0] == printed("-3162.18")
@@ -118,14 +118,14 @@ def second_harmonic(unit, rpm, model="inextensional"):
 
 
 def test_second_harmonic_at_rest(unit):
-    """The model's page, section 5: 1.613798 mm straight under the load."""
+    """Section 12: 1.613798 mm straight under the load."""
     amplitude, lag = second_harmonic(unit, 0.0)
     assert amplitude == printed("1.613798")
     assert lag == pytest.approx(0.0, abs=1e-12)  # rounding of the sum above, in degrees
 
 
 def test_second_harmonic_at_1600_rpm(unit):
-    """The model's page, section 5: 1.610579 mm at a lag angle of 0.668803 deg."""
+    """Section 12: 1.610579 mm at a lag angle of 0.668803 deg."""
     amplitude, lag = second_harmonic(unit, 1600.0)
     assert (amplitude, lag) == (printed("1.610579"), printed("0.668803"))
     amplitude, lag = second_harmonic(unit, -1600.0)  # rolling backward is the mirror image
@@ -133,7 +133,7 @@ def test_second_harmonic_at_1600_rpm(unit):
 
 
 def test_second_harmonic_without_coriolis(unit):
-    """The model's page, section 5: hybrid model, 2.211160 mm at 1600 rpm."""
+    """Section 12: hybrid model, 2.211160 mm at 1600 rpm."""
     assert second_harmonic(unit, 1600.0, "hybrid")[0] == printed("2.211160")
 
 
@@ -141,7 +141,7 @@ def test_second_harmonic_without_coriolis(unit):
 
 
 def test_multipliers(unit):
-    """The model's page, section 5: |mu| at zeta_1 = zeta_s = 0.05 and 2000 rpm, each twice."""
+    """Section 12: |mu| at zeta_1 = zeta_s = 0.05 and 2000 rpm, each twice."""
     moduli = np.sort(np.abs(wheel.stability(unit, 2000.0 * RPM).multipliers))
     expected = [printed(text) for text in ("0.476304", "0.476304", "0.613536", "0.613536", "0.687992", "0.687992")]
     assert moduli.tolist() == expected
@@ -149,13 +149,13 @@ def test_multipliers(unit):
 
 @pytest.mark.parametrize(("zeta_1", "rpm"), [(0.5, 4350.0), (0.1, 12100.0), (0.05, 22400.0), (0.02, 56150.0)])
 def test_loss_of_stability(unit, zeta_1, rpm):
-    """The model's page, section 5, and the shape of the paper's Figure 7: "near" these speeds, printed to 50 rpm."""
+    """Section 12, and the shape of the paper's Figure 7: "near" these speeds, printed to 50 rpm."""
     assert wheel.critical_speed(unit.replace(zeta_1=zeta_1)) / RPM == pytest.approx(rpm, rel=0.0, abs=50.0)
 
 
 @pytest.mark.parametrize(("zeta_1", "rpm"), [(0.02, "29965"), (0.05, "13035"), (0.1, "7986"), (0.5, "5417")])
 def test_loss_of_stability_with_reaction(unit, zeta_1, rpm):
-    """The model's page, section 4: sidewall damping with a reaction, zeta_s = 0.05."""
+    """Section 12: sidewall damping with a reaction, zeta_s = 0.05."""
     changed = unit.replace(zeta_1=zeta_1, sidewall_damping="reaction")
     assert wheel.critical_speed(changed) / RPM == printed(rpm)
     before, after = (wheel.stability(changed, (float(rpm) + step) * RPM) for step in (-1.0, 1.0))

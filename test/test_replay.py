@@ -252,7 +252,7 @@ def test_a_config_with_only_a_tire_leaves_the_wheels_to_the_bag(tmp_path):
     summary = replay(tmp_path / "in", tmp_path / "out", config=tmp_path / "tire.yaml")
     assert summary.parameters["wheels"] == ("left", "right")
     x, z = wrenches(tmp_path / "out", "right")[-1, 1:]
-    assert z == pytest.approx(4000.0, abs=1e-6) and x == pytest.approx(0.0, abs=1e-6)  # MODEL.md section 4
+    assert z == pytest.approx(4000.0, abs=1e-6) and x == pytest.approx(0.0, abs=1e-6)  # docs/model.md, section 5
 
 
 def test_a_config_with_only_a_tire_keeps_the_rest_of_a_log(tmp_path):

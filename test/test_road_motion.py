@@ -8,8 +8,17 @@ import math
 import numpy as np
 import pytest
 from contact_reference import ContactStepper
-from test_contact_step import CAR, LOAD, OnTheRoad, bump, close_in, models, some_drive, some_unit
-from test_modes import Drive
+from test_contact_step import (
+    CAR,
+    LOAD,
+    bump,
+    bumps,
+    errors_fall_at_constant_speed,
+    errors_fall_at_varying_speed,
+    errors_fall_through_lift_off,
+    meets_the_bump,
+    models,
+)
 
 from tire_dynamics import TireWheelUnit, ring, simulate, wheel
 from tire_dynamics.estimator.belt import BeltMotion
@@ -48,41 +57,20 @@ def driven(unit, model, n_max, drive, parts):
 @models
 @pytest.mark.parametrize("seed", range(3))
 def test_steps_at_constant_speed(model, seed):
-    """Third order where contact lasts, and through lift-off and landing; asserted: at least second."""
-    random = np.random.default_rng(seed)
-    unit, drive = some_unit(random), some_drive(random, False)
-    n_max = 3 if model == "inextensional" else 2
-    expected, _ = OnTheRoad(unit, model, n_max, drive).run()
-    coarse, fine = (np.abs(driven(unit, model, n_max, drive, parts) - expected).max(axis=0) for parts in (8, 16))
-    close_in(coarse, fine, 4.0, 1e-6 * np.abs(expected).max())
-    assert fine.max() < 1e-3 * np.abs(expected).max()
+    errors_fall_at_constant_speed(driven, model, seed)
 
 
 @pytest.mark.slow
 @models
 @pytest.mark.parametrize("seed", range(2))
 def test_steps_at_varying_speed(model, seed):
-    """Second order, for a speed that is held over each step; it changes its sign in one of the drives."""
-    random = np.random.default_rng(seed)
-    unit, drive = some_unit(random), some_drive(random, True)
-    expected, _ = OnTheRoad(unit, model, 2, drive).run()
-    coarse, fine = (np.abs(driven(unit, model, 2, drive, parts) - expected).max(axis=0) for parts in (8, 32))
-    size = np.abs(expected).max()
-    close_in(coarse, fine, 12.0, 1e-5 * size)
-    assert fine[:2].max() < 1e-3 * size and fine[2] < 1e-2 * size
+    errors_fall_at_varying_speed(driven, model, seed)
 
 
 @pytest.mark.slow
 @models
 def test_lift_off_and_landing(model):
-    """A kerb's edge taken so fast that the tire leaves the road and comes back, twice at least."""
-    drive = Drive(0.004 * np.arange(9), 80.0, [0.0, 0.02, 0.04, 0.02, 0.0, 0.0, 0.0, 0.0, 0.0], 0.0)
-    expected, events = OnTheRoad(CAR, model, 2, drive).run()
-    assert events >= 2 and (expected[:, 2] == 0.0).any()
-    errors = [np.abs(driven(CAR, model, 2, drive, parts) - expected).max(axis=0) for parts in (8, 16, 32)]
-    for before, after in zip(errors, errors[1:], strict=False):
-        assert (after < before / 4.0).all(), errors
-    assert errors[-1].max() < 0.2  # N, of contact forces up to 9 kN
+    errors_fall_through_lift_off(driven, model, (8, 16, 32))
 
 
 @models
@@ -103,7 +91,7 @@ def test_a_damper_of_the_tread_keeps_the_order(model, points):
     assert errors[0] > 6.0 * errors[1] > 36.0 * errors[2]
 
 
-# -- MODEL's numbers --------------------------------------------------------------------------------------------------
+# -- numbers of docs/model.md, section 12 -----------------------------------------------------------------------------
 
 
 def over_the_bump(height, step):
@@ -114,25 +102,17 @@ def over_the_bump(height, step):
     return np.column_stack([found.axle_force[:, 1], found.contact_force])[:: round(1e-3 / step)]
 
 
-@pytest.mark.parametrize(
-    ("height", "force", "axle", "lost"),
-    [(0.01, (5764.85, 1609.14), (4672.66, 3382.79), 0), (0.06, (12208.9, 0.0), (8035.97, 1426.48), 37)],
-)
+@bumps
 def test_bumps(height, force, axle, lost):
-    """MODEL 6: its numbers are a prototype's, whose errors at 1 ms it gives as 0.97 and 16 N (axle), 20 and 150 N."""
-    found = over_the_bump(height, 2.5e-4)
-    of_axle, of_force = (0.97, 20.0) if height < 0.05 else (16.0, 150.0)
-    assert [found[:, 1].max(), found[:, 1].min()] == pytest.approx(force, abs=of_force)
-    assert [found[:, 0].max(), found[:, 0].min()] == pytest.approx(axle, abs=of_axle)
-    assert abs(int((found[:, 1] == 0.0).sum()) - lost) <= 1
+    meets_the_bump(over_the_bump(height, 2.5e-4), height, force, axle, lost)
 
 
 @pytest.mark.parametrize(
     ("height", "bars"),
     [(0.01, ((0.97, 20.0), (0.25, 5.6), (0.06, 1.4))), (0.06, ((16.0, 150.0), (2.7, 38.0), (0.85, 10.0)))],
 )
-def test_bumps_are_closer_than_the_bar(height, bars):
-    """The bar is the errors of a prototype at 1, 0.5 and 0.25 ms, of axle and contact [N]; the road is lines of the step."""
+def test_bumps_are_closer_than_with_a_force_that_is_continuous(height, bars):
+    """Its errors at 1, 0.5 and 0.25 ms, of axle and contact [N]; the road is here a chain of lines of the step."""
     fine = over_the_bump(height, 1.0 / 32e3)
     for step, bar in zip((1e-3, 5e-4, 2.5e-4), bars, strict=True):
         assert (np.abs(over_the_bump(height, step) - fine).max(axis=0) < bar).all()
@@ -140,7 +120,7 @@ def test_bumps_are_closer_than_the_bar(height, bars):
 
 @pytest.mark.parametrize(("kmh", "expected"), [(2.0, 30.52), (33.0, 34.23), (154.0, 202.99)])
 def test_run_out_over_speed(kmh, expected):
-    """MODEL 6: first harmonic of 0.5 mm of run-out, axle force peak to peak."""
+    """First harmonic of 0.5 mm of run-out, axle force peak to peak."""
     unit = HELD.replace(radial_runout=[(1, 5e-4, 0.3)])
     speed = kmh / 3.6 / unit.radius
     turn = 2.0 * math.pi / speed

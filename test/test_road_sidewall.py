@@ -85,7 +85,7 @@ def test_against_the_periodic_system(model, speed, changes):
 
 @pytest.mark.parametrize(("harmonic", "expected"), [(1, 62.902), (2, 57.602)])
 def test_fixed_height_force_variation(harmonic, expected):
-    """MODEL 6: the complete ring, a point on a rigid tread, n_max 30, wheel held, 2 % of k_z, a slow turn at 4000 N.
+    """docs/model.md, section 12: complete ring, point contact, rigid tread, n_max 30, 2 % of k_z, a slow turn, 4000 N.
 
     The wheel is held by 1e11 N/m, which gives 2e-6 of what the tire does; turning at 2 rad/s adds some (4/400)^2 to
     the second harmonic, the tire's lowest mode being at 400 rad/s.

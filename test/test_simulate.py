@@ -1,4 +1,4 @@
-"""`simulate` against direct integration of the ring-frame equations, written out here from the model's page."""
+"""`simulate` against direct integration of the ring-frame equations, written out here from docs/model.md, section 2."""
 
 from __future__ import annotations
 

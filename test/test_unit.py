@@ -88,7 +88,7 @@ def refused(name, value, bound):
 
 
 def test_a_tire_on_the_road_is_softer_than_with_a_rigid_tread():
-    """MODEL 6: k_c exists only while K_v is below the tire's own; both numbers are said."""
+    """docs/model.md, section 11: k_c exists only while K_v is below the tire's own; both numbers are said."""
     own = ring.static_stiffness(TABLE_1, 100)
     for value in (own, 2.0 * own):
         assert repr(value) in refused("vertical_stiffness", value, f"{own:.10g}")
@@ -277,7 +277,7 @@ def test_copies_are_equal():
 
 @given(values=mappings())
 def test_derived_quantities(values):
-    """Section 2 of the model's page, in another order of factors: rounding only."""
+    """docs/model.md, section 2, in another order of factors: rounding only."""
     unit = TireWheelUnit(**values)
     a, b = unit.radius, unit.width
     m = 2 * math.pi * a * b * unit.density * unit.thickness

@@ -421,7 +421,7 @@ def test_stability_reply(vehicle, speed):
     assert reply["spectral_radius"] == np.abs(multipliers).max() < 1.0
     assert np.exp(exponents * reply["period_s"]) == pytest.approx(multipliers, abs=1e-12)
     rpm = reply["critical_speed_rad_s"] * 30.0 / math.pi
-    assert rpm == pytest.approx(13035.0, abs=0.5)  # section 4 of the model's page
+    assert rpm == pytest.approx(13035.0, abs=0.5)  # docs/model.md, section 12
 
 
 def test_stability_reply_at_standstill(vehicle):

@@ -392,7 +392,7 @@ def test_an_error_made_once_is_forgotten():
     assert two.axle_force == pytest.approx(one.axle_force, abs=1e-9)
 
 
-UNSTABLE = UNITS["modal"].replace(zeta_1=0.5)  # from 4350 rpm = 456 rad/s on, section 5 of the model's page
+UNSTABLE = UNITS["modal"].replace(zeta_1=0.5)  # from 4350 rpm = 456 rad/s on, docs/model.md, section 12
 
 
 def gone(speed=600.0, timeout=None):

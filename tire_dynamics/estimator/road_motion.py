@@ -1189,7 +1189,7 @@ class RoadMotion:
                 x += p
                 y += q
             self.Z_end[i], self.Z_end[N + i] = x, y
-        self.look_at(False)
+        self.displacements_at_points(False)
         for j in range(P):
             i = wheel * P + j
             if self.forces[i] > 0.0:
