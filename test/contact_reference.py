@@ -28,13 +28,13 @@ from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
+from exact_stepper import ExactStepper
 from numpy.typing import ArrayLike, NDArray
 
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.science.contact_points import ContactPoints
 from tire_dynamics.science.modes import RingModes
 from tire_dynamics.science.nonuniform import coordinates, coupling
-from tire_dynamics.science.stepping import ExactStepper
 
 __all__ = ["ContactStepper", "phi"]
 

@@ -83,11 +83,11 @@ def test_all_modes_are_those_of_the_system_in_contact(speed, model, changes):
     unit = ROAD.replace(**changes)
     n_max = 4
     modes = campbell.contact_modes(unit, [speed, -speed], model, n_max)
-    whirls = contact.whirls(unit, speed, model, n_max)
+    expected = contact.oscillatory_exponents(unit, speed, model, n_max)
     for exponents in modes.exponents:
         moving = exponents[np.isfinite(exponents)]
         moving = moving[np.argsort(moving.imag)]
-        np.testing.assert_allclose(moving, whirls, atol=1e-6 * np.abs(whirls).max())
+        np.testing.assert_allclose(moving, expected, atol=1e-6 * np.abs(expected).max())
     waves = 1 if model == "inextensional" else 2
     counts = {(n, wave): waves for n in range(2, n_max + 1) for wave in (-1, 1)}
     if not unit.vertical_stiffness:  # a rigid tread has one mode fewer, which would be the highest

@@ -72,8 +72,8 @@ def test_patch_factors_are_the_harmonics_of_an_even_pressure(half_angle):
 # -- the linear system in contact -----------------------------------------------------------------------------------
 
 
-def whirls(unit, rpm_, **options):
-    exponents = contact.whirls(unit, rpm_ * RPM, **options)[:3]
+def lowest(unit, rpm_, **options):
+    exponents = contact.oscillatory_exponents(unit, rpm_ * RPM, **options)[:3]
     return exponents.imag / (2.0 * math.pi), -exponents.real
 
 
@@ -86,7 +86,7 @@ def whirls(unit, rpm_, **options):
 )
 def test_lowest_frequencies_in_contact(speed, frequencies, decay):
     """docs/model.md, section 12, to the last printed digit."""
-    hertz, rates = whirls(ROAD, speed)
+    hertz, rates = lowest(ROAD, speed)
     assert hertz == pytest.approx(frequencies, abs=5e-5)
     assert rates == pytest.approx(decay, abs=5e-5)
     assert wheel.whirl_frequencies(ROAD, speed * RPM, contact=True)[:3] == pytest.approx(frequencies, abs=5e-5)
@@ -94,7 +94,7 @@ def test_lowest_frequencies_in_contact(speed, frequencies, decay):
 
 def test_lowest_frequencies_with_a_car_above():
     """docs/model.md, section 12, to the last printed digit: the body at 1.5 Hz, the wheel's hop at 21 Hz."""
-    hertz, rates = whirls(ROAD.replace(sprung_mass=350.0, zeta_s=0.3), 60.0 / RPM)
+    hertz, rates = lowest(ROAD.replace(sprung_mass=350.0, zeta_s=0.3), 60.0 / RPM)
     assert hertz == pytest.approx((1.4848, 20.7774, 78.4356), abs=5e-5)
     assert rates == pytest.approx((0.4471, 16.0993, 24.6567), abs=5e-5)
 
@@ -285,7 +285,7 @@ def ring_frame(unit, speed, phi, model, n_max):
 def test_a_rigid_tread_is_the_limit_of_a_stiff_one():
     unit = ROAD.replace(vertical_stiffness=0.0)
     system = contact.open_system(unit, 60.0)
-    rigid = contact.whirls(unit, 60.0)
+    rigid = contact.oscillatory_exponents(unit, 60.0)
     stiff = np.linalg.eigvals(system._replace(stiffness=1e11).closed())
     assert len(system.closed()) == len(system.matrix) - 2
     for value in rigid[:8]:

@@ -242,17 +242,21 @@ class Drive:
         return Drive(t, *(np.interp(t, self.t, v) for v in (self.speed, self.radial, self.tangential)))
 
 
+SIZES = (
+    "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness",
+    "radial_stiffness", "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness",
+)  # fmt: skip
+"""The stiffnesses, masses and lengths of a unit that a random tire has by another factor."""
+
+
 @st.composite
 def units(draw):
     """Tires around Table 1, every stiffness, mass and length by a factor of up to two either way; any patch."""
     factor = st.floats(-1.0, 1.0).map(lambda x: 2.0**x)
     changes = {
         name: getattr(TABLE_1, name) * draw(factor)
-        for name in (
-            "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness",
-            "radial_stiffness", "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness",
-        )
-    }  # fmt: skip
+        for name in SIZES
+    }
     damping = st.floats(0.0, 0.5)
     return TABLE_1.replace(
         **changes, zeta_1=draw(damping), zeta_s=draw(damping), zeta_n=draw(damping),

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from test_modes import Drive, Lagrangian
+from test_modes import SIZES, Drive, Lagrangian
 
 from tire_dynamics import TireWheelUnit, ring
 
@@ -24,11 +24,8 @@ def units(draw):
     factor = st.floats(-2.0, 2.0).map(lambda x: 2.0**x)
     changes = {
         name: getattr(TABLE_1, name) * draw(factor)
-        for name in (
-            "density", "bending_stiffness", "membrane_stiffness", "radius", "width", "thickness",
-            "radial_stiffness", "tangential_stiffness", "inflation_pressure", "wheel_mass", "suspension_stiffness",
-        )
-    }  # fmt: skip
+        for name in SIZES
+    }
     changes["thickness"] = min(changes["thickness"], 0.2 * changes["radius"])
     damping = st.floats(0.01, 0.5)
     return TABLE_1.replace(**changes, zeta_1=draw(damping), zeta_s=draw(damping), zeta_n=draw(damping))

@@ -355,9 +355,9 @@ def test_a_tire_that_changes_goes_on_from_where_it_is(model, changes):
     assert road.contact_of(0) == pytest.approx(ratio * force, rel=1e-2)
 
 
-@models
-def test_a_snapshot_goes_on_bit_for_bit(model):
-    first, second = (wheels_on_the_road(CAR.replace(residual_damping=50.0), model, 4) for _ in range(2))
+def goes_on_from_its_snapshot(unit, model, coupled=0):
+    """Half of a drive on one, its state as JSON into another, and the rest on both."""
+    first, second = (wheels_on_the_road(unit, model, 4, coupled=coupled) for _ in range(2))
     first.put(0, 50.0, 0.0, 0.5)
     for k in range(30):
         first.advance(0, 2e-3, 50.0 + k, 0.5 + 0.02 * math.sin(k))
@@ -369,6 +369,11 @@ def test_a_snapshot_goes_on_bit_for_bit(model):
             second.advance(0, 2e-3, 50.0 + k, 0.5 + 0.02 * math.sin(k))
             assert seen(first) == seen(second)
     assert json.dumps(first.snapshot(0)) == json.dumps(second.snapshot(0))
+
+
+@models
+def test_a_snapshot_goes_on_bit_for_bit(model):
+    goes_on_from_its_snapshot(CAR.replace(residual_damping=50.0), model)
 
 
 def test_wheels_do_not_touch_one_another():

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from test_road_motion import wheels_on_the_road
+from test_road_motion import goes_on_from_its_snapshot, wheels_on_the_road
 
 from tire_dynamics import TireWheelUnit, simulate
 from tire_dynamics.science import contact
@@ -165,18 +164,7 @@ def test_the_step_may_be_long_and_the_variation_large(model):
 
 @models
 def test_a_snapshot_goes_on_bit_for_bit(model):
-    unit = CAR.replace(**VARYING)
-    first, second = (wheels_on_the_road(unit, model, 4, coupled=4) for _ in range(2))
-    first.put(0, 50.0, 0.0, 0.5)
-    for k in range(30):
-        first.advance(0, 2e-3, 50.0 + k, 0.5 + 0.02 * math.sin(k))
-        if k == 15:
-            kept = json.loads(json.dumps([first.motion.snapshot(0), first.snapshot(0)]))
-            second.motion.restore(0, kept[0])
-            second.restore(0, kept[1])
-        elif k > 15:
-            second.advance(0, 2e-3, 50.0 + k, 0.5 + 0.02 * math.sin(k))
-            assert [*first.axle_force(0), first.contact_of(0)] == [*second.axle_force(0), second.contact_of(0)]
+    goes_on_from_its_snapshot(CAR.replace(**VARYING), model, coupled=4)
 
 
 def test_a_tire_may_begin_and_end_to_vary():

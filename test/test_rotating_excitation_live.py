@@ -81,6 +81,16 @@ def arguments_of(values) -> list[str]:
     return [text for name, value in values.items() for text in ("-p", f"tire.{name}:={value}")]
 
 
+def its_log_replays(tmp_path):
+    """The node's log, in ``logs``, gives its outputs again, bit for bit."""
+    [log] = (tmp_path / "logs").iterdir()
+    again = tmp_path / "again"
+    replay(log, again)
+    for topic in ("/wheel/axle_wrench", "/wheel/ring_shape"):
+        logged, replayed = ([m[4] for m in BagReader(bag).messages([topic])] for bag in (log, again))
+        assert len(logged) > 50 and logged == replayed
+
+
 def test_the_diagnostics_have_the_variation_at_the_wheels_angle(bench, tmp_path):
     """The sidewall's part of the steady state is known to first order: of 5 % some tenths of a per cent are left out.
 
@@ -112,12 +122,7 @@ def test_the_diagnostics_have_the_variation_at_the_wheels_angle(bench, tmp_path)
     assert reply["spectral_radius"] == expected.spectral_radius and reply["verdict"] == expected.verdict
     one.close()
 
-    [log] = (tmp_path / "logs").iterdir()
-    again = tmp_path / "again"
-    replay(log, again)
-    for topic in ("/wheel/axle_wrench", "/wheel/ring_shape"):
-        logged, replayed = ([m[4] for m in BagReader(bag).messages([topic])] for bag in (log, again))
-        assert len(logged) > 50 and logged == replayed
+    its_log_replays(tmp_path)
 
 
 def test_without_positions_the_angle_follows_the_speed(bench):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exact_stepper import ExactStepper
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
@@ -20,7 +21,7 @@ from scipy.integrate import solve_ivp
 from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.estimator.motion import Motion
 from tire_dynamics.science.rotating_excitation import rotating_excitation
-from tire_dynamics.science.stepping import ExactStepper, solve_in_order
+from tire_dynamics.science.stepping import solve_in_order
 
 UNITS = {
     (damping, model): (TireWheelUnit.table_1(sidewall_damping=damping), model)
@@ -251,7 +252,7 @@ def test_linear_inputs(case, speed):
     assert error.max() <= 1e-10 * np.abs(reference * state_scale(F)).max()  # 100 times the integrator's rtol
 
 
-# -- transitions from tables, of any system -----------------------------------------------------------------------
+# -- the transitions of the contact's reference ----------------------------------------------------------------------
 
 
 def stepper_of(unit, model):

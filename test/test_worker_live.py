@@ -16,11 +16,9 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from std_srvs.srv import Trigger
-from test_rotating_excitation_live import Wheel, arguments_of, diagnosis
+from test_rotating_excitation_live import Wheel, arguments_of, diagnosis, its_log_replays
 
 from tire_dynamics import TireWheelUnit, wheel
-from tire_dynamics.bag import BagReader
-from tire_dynamics.replay.replay import replay
 from tire_dynamics.science import nonuniform, rotating_excitation
 from tire_dynamics.science.uniformity import OrderSums
 
@@ -31,7 +29,7 @@ HEAVY = {
         "stability": nonuniform.stability,
         "tongues": nonuniform.combination_resonances.__wrapped__,
         "critical speed": wheel.critical_speed.__wrapped__,
-        "turning": rotating_excitation.rotating_excitation.__wrapped__,
+        "rotating excitation": rotating_excitation.rotating_excitation.__wrapped__,
         "force variation": OrderSums.add,
     }.items()
 }
@@ -78,14 +76,9 @@ def test_nothing_heavy_is_done_by_the_thread_that_ticks(bench, where, tmp_path):
     assert node["parameters not yet in force"] == "none" and int(node["analyses waiting"]) <= 2
     one.close()
     # the rest is done in another process
-    assert dict(where) == dict.fromkeys(("turning", "force variation"), {"worker"})
+    assert dict(where) == dict.fromkeys(("rotating excitation", "force variation"), {"worker"})
 
-    [log] = (tmp_path / "logs").iterdir()
-    again = tmp_path / "again"
-    replay(log, again)
-    for topic in ("/wheel/axle_wrench", "/wheel/ring_shape"):
-        logged, replayed = ([m[4] for m in BagReader(bag).messages([topic])] for bag in (log, again))
-        assert len(logged) > 50 and logged == replayed
+    its_log_replays(tmp_path)
 
 
 def test_a_uniform_tire_is_judged_beside_the_ticks_too(bench, where):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..files.errors import InputError
-from ..files.outputs import aside, writable
+from ..files.outputs import aside
 from .answer import answer
+from .options import add_picture, picture_and_numbers
 
 if TYPE_CHECKING:
     from ..figures.campbell_diagram import CampbellDiagram
@@ -38,8 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--model", choices=("inextensional", "complete"), help="of the belt; else the one in YAML")
     parser.add_argument("--contact", action="store_true", help="of the tire on the road, without lift-off")
     parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed unless --json is given")
-    parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
+    add_picture(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -50,19 +49,15 @@ def run(options: argparse.Namespace) -> int:
     if options.output is None and not options.json:
         raise InputError("needs -o PNG or --json; such as tire-dynamics campbell --contact -o campbell.png")
     if options.output is not None:
-        picture = Path(options.output)
-        if picture.suffix.lower() != ".png":
-            raise InputError(f"--output is {options.output}; its name must end in .png")
-        if find_spec("matplotlib") is None:
-            raise InputError("the picture needs matplotlib: pip install 'tire_dynamics[plot]'; --json does without")
-        for path in (picture, picture.with_suffix(".csv")):
-            writable(path, force=options.force)
+        picture, table = picture_and_numbers(
+            options.output, ".csv", force=options.force, otherwise="--json does without"
+        )
     shown = compute(options)
     lines = []
     if options.output is not None:
         _write(picture, shown)
         count = f"{len(shown.frequency)} motions at {len(shown.speed)} speeds"
-        lines.append(f"{options.output}: {count}, their numbers in {picture.with_suffix('.csv').name}")
+        lines.append(f"{options.output}: {count}, their numbers in {table.name}")
     content = {
         "output": options.output,
         "model": shown.model,

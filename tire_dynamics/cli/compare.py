@@ -74,20 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> int:
     """Compare what the options name, write the page, and say what was found.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        A file or an option cannot be used.
+    ``InputError``: a file or an option cannot be used.
     """
     output = Path(options.output)
     _check(options, output)

@@ -7,12 +7,12 @@ each. Both are imported where they are needed: the command line loads this packa
 from __future__ import annotations
 
 import argparse
-from importlib.util import find_spec
 from pathlib import Path
 
 from ..files.errors import InputError
 from ..files.progress import progress
 from .answer import answer
+from .options import need_matplotlib
 
 __all__ = ["FIGURES", "add_arguments", "figures", "run"]
 
@@ -71,8 +71,7 @@ def figures(folder: str | Path, *, force: bool = False, quiet: bool = False) -> 
     InputError
         If matplotlib is missing, the folder is not empty (see ``force``), or it cannot be written into.
     """
-    if find_spec("matplotlib") is None:
-        raise InputError("figures need matplotlib: pip install 'tire_dynamics[plot]'")
+    need_matplotlib("figures need")
     from ..figures import drawings, tables
 
     folder = Path(folder)

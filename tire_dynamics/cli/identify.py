@@ -6,13 +6,13 @@ import argparse
 import json
 import math
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError
 from ..files.outputs import aside, writable
 from .answer import answer, plain, printable
+from .options import picture_file
 
 if TYPE_CHECKING:
     from ..bag import BagReader
@@ -110,31 +110,14 @@ def errors_file(unit_file: Path) -> Path:
 def run(options: argparse.Namespace) -> int:
     """Fit what the options ask for, write it, and say how well it is known.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As ``add_arguments`` declares it.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        The bag or an option cannot be used, or a file exists already.
+    ``InputError``: the bag or an option cannot be used, or a file exists already.
     """
     output = Path(options.output)
     if output.suffix.lower() not in (".yaml", ".yml"):
         raise InputError(f"--output is {options.output}; its name must end in .yaml")
     files = [output, errors_file(output)]
     if options.plot is not None:
-        files.append(Path(options.plot))
-        if files[-1].suffix.lower() != ".png":
-            raise InputError(f"--plot is {options.plot}; its name must end in .png")
-        if find_spec("matplotlib") is None:
-            raise InputError("the picture needs matplotlib: pip install 'tire_dynamics[plot]'; without --plot none")
+        files.append(picture_file(options.plot, "--plot", otherwise="without --plot none"))
     for path in files:
         writable(path, force=options.force)
         if path.exists() and options.start and Path(options.start).exists() and path.samefile(options.start):

@@ -9,13 +9,13 @@ import argparse
 import math
 import os
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError, missing
 from ..files.outputs import aside
 from .answer import answer
+from .options import need_matplotlib
 
 if TYPE_CHECKING:
     from ..estimator.load_estimate import LoadEstimate
@@ -70,8 +70,7 @@ def run(options: argparse.Namespace) -> int:
     folder, output = Path(options.input), Path(options.output)
     if not folder.is_dir():
         raise missing(folder) if not os.path.lexists(folder) else InputError(f"{folder}: is not a folder of CSV files")
-    if find_spec("matplotlib") is None:
-        raise InputError("the picture needs matplotlib: pip install 'tire_dynamics[plot]'")
+    need_matplotlib()
     files = _outputs(output, force=options.force)
     vehicle = read_vehicle(_vehicle_file(options.vehicle, folder))
     tables, remarks = recording(folder, vehicle)

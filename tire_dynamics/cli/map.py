@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +18,7 @@ from ..files.errors import InputError
 from ..files.progress import progress
 from ..replay import jobs
 from .answer import answer
+from .options import picture_and_numbers
 
 if TYPE_CHECKING:
     from ..science.unit import TireWheelUnit
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     ``InputError``: an option is wrong, matplotlib or Dask is missing, a file exists already, or a process that
     computes ends.
     """
-    picture = _outputs(options.output, force=options.force)[0]
+    picture = picture_and_numbers(options.output, ".npz", force=options.force, needs="maps need")[0]
     request = request_of(options)
 
     def shown(function: Callable[[Any], Any], items: Iterable[Any]) -> Iterable[Any]:
@@ -302,22 +302,6 @@ def _account(arrays: dict[str, Any]) -> dict[str, Any]:
 
 def _shown(arrays: dict[str, Any]) -> str:
     return "transmissibility" if "transmissibility" in arrays else "spectral_abscissa_1_s"
-
-
-def _outputs(output: str, *, force: bool) -> tuple[Path, Path]:
-    """Picture and numbers, if they may be written: what cannot be is better known before the work."""
-    picture = Path(output)
-    if picture.suffix.lower() != ".png":
-        raise InputError(f"--output is {output}; its name must end in .png")
-    if find_spec("matplotlib") is None:
-        raise InputError("maps need matplotlib: pip install 'tire_dynamics[plot]'")
-    if not picture.parent.is_dir():
-        raise InputError(f"{picture.parent}: no such folder; make it first, or choose another --output")
-    both = picture, picture.with_suffix(".npz")
-    for path in both:
-        if path.exists() and not force:
-            raise InputError(f"{path}: exists already (--force replaces it)")
-    return both
 
 
 def write(picture: Path, arrays: dict[str, Any]) -> None:

@@ -31,20 +31,7 @@ def run(options: argparse.Namespace) -> int:
     The numbers stay as they are in the files. What they are stands in a record of the bag, the map with the bag's own
     topics, by which it is replayed.
 
-    Parameters
-    ----------
-    options : argparse.Namespace
-        As of ``import``, with a map.
-
-    Returns
-    -------
-    int
-        Exit status 0.
-
-    Raises
-    ------
-    InputError
-        The map, a file or a column cannot be used, or the output exists.
+    ``InputError``: the map, a file or a column cannot be used, or the output exists.
     """
     from ..replay.input_map import QUANTITIES
     from ..replay.parameters import CAR, read_inputs

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import argparse
 import math
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files.errors import InputError
-from ..files.outputs import aside, writable
+from ..files.outputs import aside
 from .answer import answer
+from .options import add_picture, picture_and_numbers
 
 if TYPE_CHECKING:
     from ..figures.bode import Bode
@@ -45,8 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--contact", action="store_true", help="on the road: per its height in place of the load; contact force too"
     )
     parser.add_argument("--n-max", metavar="N", type=int, default=30, help="with --contact: highest belt harmonic (30)")
-    parser.add_argument("-o", "--output", metavar="PNG", help="the picture to write; needed unless --json is given")
-    parser.add_argument("--force", action="store_true", help="replace the two files if they exist")
+    add_picture(parser)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -57,19 +56,15 @@ def run(options: argparse.Namespace) -> int:
     if options.output is None and not options.json:
         raise InputError("needs -o PNG or --json; such as tire-dynamics response --speed-rpm 0 2000 -o bode.png")
     if options.output is not None:
-        picture = Path(options.output)
-        if picture.suffix.lower() != ".png":
-            raise InputError(f"--output is {options.output}; its name must end in .png")
-        if find_spec("matplotlib") is None:
-            raise InputError("the picture needs matplotlib: pip install 'tire_dynamics[plot]'; --json does without")
-        for path in (picture, picture.with_suffix(".csv")):
-            writable(path, force=options.force)
+        picture, table = picture_and_numbers(
+            options.output, ".csv", force=options.force, otherwise="--json does without"
+        )
     bode = compute(options)
     lines = []
     if options.output is not None:
         _write(picture, bode)
         count = f"{len(bode.speeds)} speed{'s' * (len(bode.speeds) > 1)} x {len(bode.frequencies)} frequencies"
-        lines.append(f"{options.output}: {count}, their numbers in {picture.with_suffix('.csv').name}")
+        lines.append(f"{options.output}: {count}, their numbers in {table.name}")
     for speed, verdict in zip(bode.speeds, bode.verdicts, strict=True):
         if verdict == "unstable":
             lines.append(f"at {speed:g} rpm the unit is unstable: nothing settles to this response")

@@ -1786,10 +1786,6 @@ class RoadMotion:
         """The contact force on one tire, up [N]."""
         return float(self.contact[index])
 
-    def body_of(self, index: int) -> float:
-        """The sprung mass's displacement from rest, up [m]; 0 where the body is held."""
-        return float(self.z[(index + 1) * 2 * self.H - 1]) if self.sprung else 0.0
-
     def axle_force(self, index: int) -> tuple[float, float]:
         """Force on one axle (x, z), REP 103 axes [N]."""
         self.axle_force_and_norm(index, self.speed[index])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import json
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,7 +29,6 @@ __all__ = [
     "Records",
     "fixed_inputs",
     "input_types",
-    "is_input",
     "output_types",
 ]
 
@@ -86,11 +84,6 @@ def output_types(values: Mapping[str, Any]) -> dict[str, str]:
         if values["axle_wrench_covariance"]:
             types["axle_wrench_covariance"] = messages.FLOAT64_MULTI_ARRAY
     return types
-
-
-def is_input(topic: str) -> bool:
-    """Whether a relative name is that of an input."""
-    return topic == "joint_states" or topic.endswith(("/wheel_speed", "/load", "/load_force", "/road_height"))
 
 
 class Events(NamedTuple):
@@ -244,10 +237,6 @@ class Pipeline:
     def receive(self, topic: str, received: int, data: bytes) -> None:
         """Take a serialised input message at its time of receipt [ns]."""
         self._stream.receive(self._numbers[topic], received, data)
-
-    def receiver(self, topic: str) -> Callable[[int, bytes], None]:
-        """:meth:`receive` for one topic."""
-        return functools.partial(self._stream.receive, self._numbers[topic])
 
     def tick(self, stamp: int) -> list[tuple[str, bytes]]:
         """Advance to a time [ns]; the forces of that moment as (relative topic, serialised message)."""

@@ -82,7 +82,6 @@ cdef class MessageStream:
         self, Py_ssize_t wheel, Py_ssize_t topic, long long stamp, Py_ssize_t head, double x, double z
     ) noexcept nogil
     cdef void put_belts(self, long long stamp, Py_ssize_t head) noexcept nogil
-    cdef void ensure(self) noexcept nogil
     cdef bint take_mapped(
         self, Py_ssize_t number, long long received, const unsigned char[::1] data, Py_ssize_t first, Py_ssize_t size
     ) noexcept nogil

@@ -839,15 +839,6 @@ class MessageStream:
         ends = [*(self.begin[k] for k in range(1, self.messages)), self.used]
         return [(self.topic[k], bytes(self.out[self.begin[k] : end])) for k, end in enumerate(ends)]
 
-    @cython.cfunc
-    @cython.nogil
-    @cython.exceptval(check=False)
-    def ensure(self) -> cython.void:
-        """Room for the outputs of a tick."""
-        if self.out.shape[0] - self.used < self.most:
-            with cython.gil:
-                self._widen(self.most)
-
     def _widen(self, wanted: int) -> None:
         grown = bytearray(2 * len(self.out) + wanted)
         grown[: self.used] = self.out[: self.used]

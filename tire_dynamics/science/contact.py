@@ -45,10 +45,10 @@ __all__ = [
     "frequency_response",
     "is_varying",
     "open_system",
+    "oscillatory_exponents",
     "periodic_system",
     "stability",
     "standing",
-    "whirls",
 ]
 
 FloatArray = NDArray[np.float64]
@@ -90,10 +90,13 @@ class ContactSystem(NamedTuple):
 
     def closed(self) -> FloatArray:
         """A_contact [1/s], shape (n, n); for a rigid tread (n - 2, n - 2), on the states that u_c = u_c' = 0 leaves."""
-        return self.held(self.matrix, self.rate)
+        return self.constrained(self.matrix, self.rate)
 
-    def held(self, matrix: FloatArray, rate: FloatArray | None = None) -> FloatArray:
-        """A part of A as the contact lets it act, likewise; the spring belongs to the part whose ``rate`` is given."""
+    def constrained(self, matrix: FloatArray, rate: FloatArray | None = None) -> FloatArray:
+        """A part of A with the contact, likewise; the contact's spring and damper go with the part that has a ``rate``.
+
+        A soft tread leaves the other parts as they are; a rigid one projects each of them on u_c = u_c' = 0.
+        """
         if math.isfinite(self.stiffness):
             if rate is None:
                 return matrix
@@ -336,12 +339,12 @@ def periodic_system(
     """
     system = open_system(unit.mean, speed, model, n_max, windup=True)
     parts = _sidewall(unit, system, speed, model, int(n_max))
-    held = system.held if contact else _as_it_is
+    in_contact = system.constrained if contact else _as_it_is
     constant = system.closed() if contact else system.matrix
     harmonics = tuple(sorted(parts)) or (1,)
     none = np.zeros_like(system.matrix)
     pairs = [parts.get(j, (none, none)) for j in harmonics]
-    cosines, sines = (np.stack([held(pair[k]) for pair in pairs]) for k in (0, 1))
+    cosines, sines = (np.stack([in_contact(pair[k]) for pair in pairs]) for k in (0, 1))
     return Trigonometric(constant, harmonics, cosines, sines), system
 
 
@@ -462,8 +465,10 @@ def critical_speed(unit: TireWheelUnit, model: Model = "inextensional", n_max: i
     return None
 
 
-def whirls(unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30) -> ComplexArray:
-    """Exponents of the mean tire on the road, those with a positive frequency, by their frequencies.
+def oscillatory_exponents(
+    unit: TireWheelUnit, speed: float, model: Model = "inextensional", n_max: int = 30
+) -> ComplexArray:
+    """Exponents of the mean tire on the road that have a positive frequency, by their frequencies.
 
     Parameters
     ----------

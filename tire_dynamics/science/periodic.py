@@ -69,11 +69,6 @@ class Transition(NamedTuple):
     error: FloatArray
     factors: FloatArray
 
-    def unbalanced(self) -> FloatArray:
-        """The matrices themselves, in the system's own units."""
-        matrix: FloatArray = self.matrix / self.factors * np.exp(self.log_norm)[:, None, None]
-        return matrix
-
 
 def transition(system: Trigonometric, rate: float, start: float, stop: float) -> Transition:
     """The matrices that take z at one phase to z at another.

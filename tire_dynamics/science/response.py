@@ -149,7 +149,7 @@ def whirl_frequencies(
         which have none.
     """
     if contact:
-        return np.asarray(road.whirls(unit, speed, model, n_max).imag / (2.0 * math.pi))
+        return np.asarray(road.oscillatory_exponents(unit, speed, model, n_max).imag / (2.0 * math.pi))
     exponents = np.linalg.eigvals(fixed_frame_matrix(unit, speed, model))
     return np.sort(exponents.imag[exponents.imag > 0.0]) / (2.0 * math.pi)
 
