@@ -265,6 +265,8 @@ def _made(file: TirFile, given: Mapping[str, Any], estimates: Mapping[str, Estim
             sources["bending_stiffness"] = Source("assumed", "raised until the ring carries VERTICAL_STIFFNESS")
     if wanted and fits and "vertical_stiffness" in names:  # units know how they stand on the road
         put("vertical_stiffness", wanted, key, "VERTICAL_STIFFNESS")
+    elif wanted:
+        notes.append("vertical_stiffness is left at 0, a rigid tread on the road: it must be below the ring's own")
     for name in names:
         put(name, getattr(_TABLE_1, name), "", "the default")
 
