@@ -21,8 +21,9 @@ from tire_dynamics.cdr.messages import FLOAT64, WRENCH_STAMPED, WrenchEncoder, e
 from tire_dynamics.cli.answer import plain
 from tire_dynamics.cli.main import main
 from tire_dynamics.files.errors import InputError
-from tire_dynamics.report.comparison import compare, content, statements
+from tire_dynamics.report.comparison import compare
 from tire_dynamics.report.comparison_page import page
+from tire_dynamics.report.comparison_statements import content, statements
 from tire_dynamics.report.wrenches import Series, Wrench
 
 CAR = TireWheelUnit.table_1(wheel_mass=35.0, suspension_stiffness=25e3, zeta_s=0.3, sidewall_damping="reaction")

@@ -46,7 +46,7 @@ VARYING = {
 TIRES = {
     "uniform": {},
     "varying": VARYING,
-    "gives fore and aft": {**VARYING, "tire.longitudinal_stiffness": 2e5, "tire.longitudinal_mass": 20.0},
+    "longitudinally compliant": {**VARYING, "tire.longitudinal_stiffness": 2e5, "tire.longitudinal_mass": 20.0},
 }
 MODELS = ("inextensional", "complete")
 KINDS = {"tick": 0.3, "joints": 0.15, "speed": 0.1, "load": 0.3, "load_force": 0.1, "other": 0.05}

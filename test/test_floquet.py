@@ -242,7 +242,7 @@ def test_complex_turning_frame():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_genuinely_periodic_system_against_runge_kutta(seed):
+def test_irreducibly_periodic_system_against_runge_kutta(seed):
     """No closed form: an independent method, DOP853, at the tightest tolerance it takes."""
     n = 2 + seed
     A, _ = smooth_periodic(np.random.default_rng(seed), n)

@@ -1,4 +1,4 @@
-"""A wheel that gives fore and aft: closed forms, the other frame's equations, and the held wheel as its limit."""
+"""A longitudinally compliant wheel: closed forms, the other frame's equations, and the held wheel as its limit."""
 
 from __future__ import annotations
 

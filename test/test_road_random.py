@@ -1,7 +1,7 @@
 """Random tires on random roads, speeds of either sign, lift-off: steps against DOP853 with events.
 
 At speeds that vary in ring axes (``test_contact_step.OnTheRoad``), where the contact runs around, and in the fixed
-frame, with a wheel that gives fore and aft or is held. The error falls with the square of the step.
+frame, with a wheel that is longitudinally compliant or rigid. The error falls with the square of the step.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ UNITS = {
     "imbalance": TABLE_1.replace(**IMBALANCE),
     "run-out": TABLE_1.replace(**RUNOUT),
     "all": TABLE_1.replace(**SIDEWALL, **IMBALANCE, **RUNOUT),
-    "all, gives fore and aft": TABLE_1.replace(**SIDEWALL, **IMBALANCE, **RUNOUT, **FORE_AFT),
+    "all, longitudinally compliant": TABLE_1.replace(**SIDEWALL, **IMBALANCE, **RUNOUT, **FORE_AFT),
     "all, without damping": TABLE_1.replace(**SIDEWALL, **IMBALANCE, **RUNOUT, zeta_1=0.0, zeta_s=0.0),
 }
 
@@ -60,7 +60,7 @@ DAILY = {
     ("imbalance", -250.0, "complete"),
     ("run-out", 60.0, "complete"),
     ("all", -250.0, "complete"),
-    ("all, gives fore and aft", 60.0, "complete"),
+    ("all, longitudinally compliant", 60.0, "complete"),
     ("all, without damping", 640.0, "inextensional"),
 }  # each unit once, each speed and model twice or more
 
@@ -370,7 +370,7 @@ def test_a_unit_that_is_no_tire_is_given_up(varying, stiffness):
 # -- the wheel's angle --------------------------------------------------------------------------------------------
 
 
-def test_the_angle_is_what_was_told_last_and_follows_the_speed():
+def test_the_latest_measured_angle_counts_and_follows_the_speed():
     estimator = WheelEstimator(UNITS["imbalance"])
     estimator.add_load(0, 1000.0)
     estimator.add_speed(0, 100.0)
@@ -390,7 +390,7 @@ def test_the_angle_is_what_was_told_last_and_follows_the_speed():
     assert estimator.phase == pytest.approx(-3.75)
 
 
-def test_a_wheel_that_starts_again_has_the_angle_that_was_told():
+def test_a_wheel_that_starts_again_has_the_measured_angle():
     """Its load was stale, its speed was not: the sample in force says where the wheel is by now."""
     estimator = WheelEstimator(UNITS["imbalance"], timeout=100 * MS)
     estimator.add_speed(0, 10.0, 2.0)

@@ -129,6 +129,21 @@ def test_the_package_keeps_the_rules():
     assert list(objections(PACKAGE)) == []
 
 
+LONG = 600  # lines
+
+
+def test_a_file_that_is_long_says_why():
+    """In its docstring, and in docs/architecture.md, which lists those files and no others."""
+    sources = {file.relative_to(PACKAGE).as_posix(): file.read_text(encoding="utf-8") for file in PACKAGE.rglob("*.py")}
+    long = {name for name, source in sources.items() if source.count("\n") >= LONG}
+    page = (PACKAGE.parent / "docs" / "architecture.md").read_text(encoding="utf-8")
+    table = page.partition("## Files that are long\n")[2].partition("|---|")[2]
+    listed = re.findall(r"`(\w+/\w+[.]py)`", table)
+    assert sorted(listed) == sorted(long)
+    for name in long:
+        assert "The file is long because" in (ast.get_docstring(ast.parse(sources[name])) or ""), name
+
+
 def test_every_folder_is_a_room():
     assert {file.parent.name for file in PACKAGE.glob("*/__init__.py")} == set(ROOMS)
 

@@ -192,7 +192,8 @@ class Chunk(NamedTuple):
 
     def content(self) -> bytes:
         """As it stands in a file."""
-        return _CHUNK.pack(*self[:4]) + _text(self.compression) + _U8.pack(len(self.data)) + self.data
+        head = _CHUNK.pack(self.start_time, self.end_time, self.uncompressed_size, self.uncompressed_crc)
+        return head + _text(self.compression) + _U8.pack(len(self.data)) + self.data
 
 
 class ChunkIndex(NamedTuple):
@@ -210,8 +211,9 @@ class ChunkIndex(NamedTuple):
 
     def content(self) -> bytes:
         """As it stands in a file."""
+        head = _CHUNK_INDEX.pack(self.start_time, self.end_time, self.chunk_start, self.chunk_length)
         places = _counts(self.message_index_offsets) + _U8.pack(self.message_index_length)
-        return _CHUNK_INDEX.pack(*self[:4]) + places + _text(self.compression) + _PLACE.pack(*self[-2:])
+        return head + places + _text(self.compression) + _PLACE.pack(self.compressed_size, self.uncompressed_size)
 
 
 class Metadata(NamedTuple):
@@ -265,7 +267,11 @@ class Statistics(NamedTuple):
 
     def content(self) -> bytes:
         """As it stands in a file."""
-        return _STATISTICS.pack(*self[:-1]) + _counts(self.channel_message_counts)
+        numbers = _STATISTICS.pack(
+            self.message_count, self.schema_count, self.channel_count, self.attachment_count, self.metadata_count,
+            self.chunk_count, self.message_start_time, self.message_end_time,
+        )  # fmt: skip
+        return numbers + _counts(self.channel_message_counts)
 
     @classmethod
     def read(cls, content: bytes) -> Statistics:

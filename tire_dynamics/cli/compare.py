@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     output = Path(options.output)
     _check(options, output)
     from ..replay.bag_setup import joints_of
-    from ..report import comparison, comparison_page
+    from ..report import comparison, comparison_page, comparison_statements
     from ..report.wrenches import columns_of
 
     columns = columns_of(options.columns, "--columns")
@@ -105,9 +105,9 @@ def run(options: argparse.Namespace) -> int:
     text, headline = comparison_page.page(found)
     with aside(output) as part:
         part.write_text(text, encoding="utf-8")
-    said = [text for _, text in comparison.statements(found)]
+    said = [text for _, text in comparison_statements.statements(found)]
     lines = [f"{options.output}: {found.seconds:.4g} s in common, {found.segments} segments of {found.segment:.3g} s"]
-    content = {"output": options.output, "headline": headline, **comparison.content(found)}
+    content = {"output": options.output, "headline": headline, **comparison_statements.content(found)}
     answer(options, content, *lines, *said, *(f"note: {note}" for note in found.notes))
     return 0
 

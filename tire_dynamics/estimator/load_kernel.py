@@ -5,6 +5,9 @@ Everything that later results depend on is one array of numbers, :attr:`CarFilte
 whole state. Every sum is taken in one order, and nothing calls LAPACK, BLAS or the C library's exponential: the same
 calls give the same bits on every machine. Where this file runs interpreted the products of matrices are NumPy's, which
 adds in the same order.
+
+The file is long because it is one compiled class: prediction, corrections by each sensor and what is learnt on the way
+share the filter's buffers, called as C functions.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from .. import __version__
 from ..science.comparison import Lines
-from .comparison import Axis, Comparison, statements
+from .comparison import Axis, Comparison
+from .comparison_statements import statements
 from .rendering import rendered
 from .traces import typed
 

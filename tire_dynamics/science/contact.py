@@ -14,6 +14,9 @@ as contact push = 0: a force moves no place at once. A rigid tread, k_c infinite
 docs/model.md, section 11, derives it. z has the states of ``wheel_matrices.fixed_frame``, then [b', b] of a sprung
 mass, then, of each belt harmonic, the real parts of (V, Z) and their imaginary parts (``modes``); of n = 0, which has
 none, the real ones.
+
+The file is long because all of it is one linear system: the belt's matrices, the wheel's, the contact that closes them,
+and what is read from the whole, which is equilibrium, stability, frequency response and force variation.
 """
 
 from __future__ import annotations
