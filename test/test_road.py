@@ -269,7 +269,7 @@ def test_several_points_are_told_what_is_under_the_foremost(tmp_path):
     assert 4.0 * np.ptp(rising) == pytest.approx(part, abs=3e-3)  # the edge takes 1 mm, a sample 0.8
 
 
-def test_the_picture_has_every_wheel(tmp_path):
+def test_the_picture_has_every_wheel(tmp_path, capsys):
     """Road, contact and axle force; the horizontal one where the wheel gives or there are several points."""
     n = 9000
     time = np.arange(n) * 0.002
@@ -287,8 +287,11 @@ def test_the_picture_has_every_wheel(tmp_path):
     back = dataclasses.replace(forces, distance=np.abs(forces.distance - 100.0), wheels=("a",))
     figure = draw(back, fore_aft=False)
     assert len(figure.axes) == 3 and figure.axes[-1].get_xlabel() == "Time [s]"
-    config = a_tire(tmp_path / "tire.yaml", wheels=1)
-    call = ["road", "--cleat", "0.01:0.1@1", "--speed-kmh", "36", "--duration", "0.2", "--config", config, "--quiet"]
+    plain = ["road", "--cleat", "0.01:0.1@1", "--speed-kmh", "36", "--duration", "0.2"]
+    assert main([*plain, "--static-load", "4000", "--forces", str(tmp_path / "paper.csv")]) == 0
+    said = "vertical_stiffness is 0: the tread is rigid, sprung_mass is 0: the body is held"
+    assert said in capsys.readouterr().err
+    call = [*plain, "--config", a_tire(tmp_path / "tire.yaml", wheels=1), "--quiet"]
     assert main([*call, "--plot", str(tmp_path / "road.png")]) == 0
     assert (tmp_path / "road.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert main([*call, "--plot", str(tmp_path / "road.png")]) == 2

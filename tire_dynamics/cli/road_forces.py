@@ -143,8 +143,7 @@ def write(
         from ..figures.drawings import save
         from ..figures.road_drive import draw
 
-        unit = unit_of(whole)
-        fore_aft = bool(unit.longitudinal_stiffness) or whole["contact_points"] > 1
+        fore_aft = bool(unit_of(whole).longitudinal_stiffness) or whole["contact_points"] > 1
         with aside(Path(options.plot)) as part:
             save(part, partial(draw, fore_aft=fore_aft), forces)
         outputs.append(options.plot)
@@ -156,6 +155,10 @@ def write(
         "{axle_most_n:.0f} N, off the road {off_the_road_s:.4g} s".format(**each)
         for each in wheels
     ]
+    unit = unit_of(whole)
+    left_out = [] if unit.vertical_stiffness else ["vertical_stiffness is 0: the tread is rigid"]
+    left_out += [] if unit.sprung_mass else ["sprung_mass is 0: the body is held"]
+    lines += [", ".join(left_out)] if left_out else []
     lines += [f"{wheel}: no output; {reason}" for wheel, reason in summary.without.items()]
     lines += [f"doubtful: {doubt}" for doubt in summary.doubts]
     return content, lines
