@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tire_dynamics.bag import BagReader
+from tire_dynamics.cli.info import info
 from tire_dynamics.cli.main import main
 from tire_dynamics.replay.bag_setup import bag_setup, pipeline_of
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
+CAR = Path(__file__).parents[1] / "config" / "car.yaml"
 HEAD = "/**:\n  ros__parameters:\n    inputs:\n"
 
 
@@ -52,6 +55,24 @@ def test_speeds_and_loads_by_a_map_make_the_forces_that_the_options_make(folder)
             for name in ("by_map", "by_options")
         )
         assert one == two and len(one) > 900
+
+
+def test_info_says_what_a_bag_without_loads_has_for_an_estimate(folder, capsys):
+    text = (
+        "      speed: {topic: speed.csv, field: [fl, fr, rl, rr]}\n"
+        "      imu: {topic: imu.csv, field: [ax, ay, az, gx, gy, gz], unit: g deg/s, stamp: t ms}\n"
+    )
+    assert main(written(folder, text)) == 0
+    assert "; if it has none: --vehicle config/car.yaml has them estimated" in info(folder / "bag")["replay"]["why_not"]
+    found = info(folder / "bag", vehicle=CAR)["replay"]
+    assert found["possible"] and found["without"] == {}
+    speed, imu = found["mapped"]
+    assert (speed["quantity"], imu["quantity"], imu["unit"]) == ("speed", "imu", "m/s^2 rad/s")
+    assert imu["values"]["force_z"]["low"] == imu["values"]["force_z"]["high"] == pytest.approx(9.80665)
+    assert {name: of["count"] for name, of in speed["values"].items()} == dict.fromkeys(WHEELS, 200)
+    capsys.readouterr()
+    assert main(["info", str(folder / "bag"), "--vehicle", str(CAR)]) == 0
+    assert "speed [rad/s] of /speed: front_left 30 to 31, " in capsys.readouterr().out
 
 
 def test_every_quantity_in_its_unit(folder, capsys):

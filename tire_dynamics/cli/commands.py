@@ -6,7 +6,7 @@ import argparse
 from functools import partial
 
 from .node import NODE_EXAMPLES
-from .options import A_BAG, add_clock, add_inputs, add_joint, add_output, add_remap
+from .options import A_BAG, add_clock, add_inputs, add_joint, add_output, add_remap, add_vehicle
 from .usage import Commands
 
 __all__ = ["all_commands"]
@@ -79,10 +79,12 @@ def _declare(commands: Commands) -> None:
             ("info bags/sample", ""),
             ("info recording_0.mcap --json", "for a program"),
             ("info recording --remap front_left/load:=/fl/force_torque", "would it do, with this topic as the load?"),
+            ("info recording --inputs map.yaml --vehicle config/car.yaml", "and with loads that are estimated?"),
         ),
     )
     command.add_argument("input", metavar="BAG", help=A_BAG)
     add_inputs(command)
+    add_vehicle(command)
     add_remap(command)
     add_clock(command)
     answer.add_arguments(command, quiet=False)

@@ -38,6 +38,7 @@ def info(
     joints: Mapping[str, str] | None = None,
     clock: str | None = None,
     inputs: str | PathLike[str] | None = None,
+    vehicle: str | PathLike[str] | None = None,
 ) -> dict[str, Any]:
     """What is in a bag, as JSON has it.
 
@@ -45,7 +46,7 @@ def info(
     ----------
     path : path
         A rosbag2 folder, or a .mcap, .db3 or ROS 1 .bag file.
-    remaps, joints, clock, inputs
+    remaps, joints, clock, inputs, vehicle
         As :func:`~tire_dynamics.replay.replay.replay` takes them.
 
     Returns
@@ -99,7 +100,7 @@ def info(
         "log": _log(reader),
         "damage": reader.damage or None,
         "repair": f"tire-dynamics recover {shlex.quote(str(path))} -o OUT" if recoverable else None,
-        "replay": _replay(reader, remaps or {}, joints or {}, inputs),
+        "replay": _replay(reader, remaps or {}, joints or {}, inputs, vehicle),
     }
 
 
@@ -147,11 +148,15 @@ def _log(reader: BagReader) -> dict[str, Any] | None:
 
 
 def _replay(
-    reader: BagReader, remaps: Mapping[str, str], joints: Mapping[str, str], inputs: str | PathLike[str] | None
+    reader: BagReader,
+    remaps: Mapping[str, str],
+    joints: Mapping[str, str],
+    inputs: str | PathLike[str] | None,
+    vehicle: str | PathLike[str] | None,
 ) -> dict[str, Any]:
     """Whether it can be replayed as it is."""
     try:
-        how = bag_setup(reader, remaps=remaps, joints=joints, inputs=inputs)
+        how = bag_setup(reader, remaps=remaps, joints=joints, inputs=inputs, vehicle=vehicle)
     except InputError as error:
         return {"possible": False, "why_not": _without_name(reader, error)}
     wanted = {*fixed_inputs(how.values), *mapped_types(how.values)}
@@ -182,7 +187,8 @@ def run(options: argparse.Namespace) -> int:
     int
         Exit status 0, also for a bag that is damaged or cannot be replayed: that is an answer.
     """
-    content = info(options.input, remaps_of(options.remap), joints_of(options.joint), options.clock, options.inputs)
+    names = remaps_of(options.remap), joints_of(options.joint)
+    content = info(options.input, *names, options.clock, options.inputs, options.vehicle)
     if options.json:
         print(json.dumps(plain(content), indent=2, allow_nan=False))
         return 0

@@ -43,6 +43,11 @@ def add_inputs(command: argparse.ArgumentParser) -> None:
     )
 
 
+def add_vehicle(command: argparse.ArgumentParser) -> None:
+    """``--vehicle``: a car, whose loads are estimated."""
+    command.add_argument("--vehicle", metavar="YAML", help="a car, whose loads are estimated; see config/car.yaml")
+
+
 def add_remap(command: argparse.ArgumentParser) -> None:
     """``--remap`` and ``--joint``: where a bag has an input under another name."""
     command.add_argument(

@@ -7,7 +7,7 @@ import sys
 
 from ..replay import jobs
 from .answer import answer, one_line
-from .options import A_BAG, add_clock, add_config, add_inputs, add_output, add_remap
+from .options import A_BAG, add_clock, add_config, add_inputs, add_output, add_remap, add_vehicle
 from .usage import UNUSABLE
 
 __all__ = ["add_arguments", "run"]
@@ -20,7 +20,7 @@ def add_arguments(command: argparse.ArgumentParser) -> None:
     add_config(command, "parameters of the node, or the fields of one unit")
     command.add_argument("--force", action="store_true", help="replace a bag that is to be written and exists")
     add_inputs(command)
-    command.add_argument("--vehicle", metavar="YAML", help="a car, whose loads are estimated; see config/car.yaml")
+    add_vehicle(command)
     add_remap(command)
     add_clock(command)
     jobs.add_arguments(command, "the bags")

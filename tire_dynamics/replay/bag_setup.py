@@ -288,10 +288,11 @@ def _names(
     for wheel in wheels:
         loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
         if kinds and not loads and not mapped & {"load", "road_height"}:
-            present = _listed(reader.topics)
+            known = {"topic": mapped & {"imu", "travel", "hub_acceleration"}}.get(load_source)
+            estimated = "; if it has none: --vehicle config/car.yaml has them estimated" if known else ""
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
-                f"name there: --remap {wheel}/{kinds[0]}:=/its/name; its topics: {present}"
+                f"name there: --remap {wheel}/{kinds[0]}:=/its/name{estimated}; its topics: {_listed(reader.topics)}"
             )
         ending = loads[0].removeprefix(wheel) if loads else "/"
         beside = names[loads[0]].removesuffix(ending) if loads and names[loads[0]].endswith(ending) else f"/{wheel}"
