@@ -289,7 +289,7 @@ def _names(
         loads = [topic for kind in kinds if names.get(topic := f"{wheel}/{kind}") in reader.topics]
         if kinds and not loads and not mapped & {"load", "road_height"}:
             known = {"topic": mapped & {"imu", "travel", "hub_acceleration"}}.get(load_source)
-            estimated = "; if it has none: --vehicle config/car.yaml has them estimated" if known else ""
+            estimated = "; if it has none: replay --vehicle config/car.yaml has them estimated" if known else ""
             raise InputError(
                 f"{reader.path}: has no topic {' or '.join(f'{wheel}/{kind}' for kind in kinds)}; if it has another "
                 f"name there: --remap {wheel}/{kinds[0]}:=/its/name{estimated}; its topics: {_listed(reader.topics)}"
