@@ -63,7 +63,8 @@ def test_info_says_what_a_bag_without_loads_has_for_an_estimate(folder, capsys):
         "      imu: {topic: imu.csv, field: [ax, ay, az, gx, gy, gz], unit: g deg/s, stamp: t ms}\n"
     )
     assert main(written(folder, text)) == 0
-    assert "; if it has none: replay --vehicle config/car.yaml has them estimated" in info(folder / "bag")["replay"]["why_not"]
+    why_not = info(folder / "bag")["replay"]["why_not"]
+    assert "; if it has none: replay --vehicle config/car.yaml has them estimated" in why_not
     found = info(folder / "bag", vehicle=CAR)["replay"]
     assert found["possible"] and found["without"] == {}
     speed, imu = found["mapped"]

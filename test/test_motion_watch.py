@@ -68,6 +68,7 @@ def drives():
 KINDS = ("level", "uphill", "banked", "fast, its body tipping", "straight")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("name", KINDS)
 def test_a_unit_that_all_wheels_have_is_said(drives, name, fault):
@@ -77,24 +78,28 @@ def test_a_unit_that_all_wheels_have_is_said(drives, name, fault):
     assert words in said and when < 12.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 @pytest.mark.parametrize("unit", ["m/s", "km/h"])
 def test_nothing_is_said_of_a_drive_that_is_right(drives, name, unit):
     assert watched(*drives[name], unit, 3.6 if unit == "km/h" else 1.0) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.96, 1.04])
 @pytest.mark.parametrize("name", KINDS)
 def test_nothing_is_said_of_a_radius_that_is_off_by_4_percent(drives, name, share):
     assert watched(*drives[name], "rad/s", share / RADIUS) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in KINDS if name != "straight"])
 def test_left_and_right_exchanged_are_said(drives, name):
     [(when, said)] = watched(*drives[name], order=(1, 0, 3, 2))
     assert said == "by the imu the left wheels are on the right: is the order of the wheels another?" and when < 12.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", multibody_car.MANOEUVRES)
 def test_slip_is_no_other_unit(name):
     """Braking with 6 m/s^2, a step of the steering, a slalom at the limit, by a car that others wrote."""
@@ -102,6 +107,7 @@ def test_slip_is_no_other_unit(name):
     assert watched(*columns(recording, car.rolling_radius)) == []
 
 
+@pytest.mark.slow
 def test_a_drive_that_another_program_simulated(fullcar):
     imu = np.loadtxt(fullcar / "imu.csv", delimiter=",", skiprows=1)
     wheels = np.loadtxt(fullcar / "wheel_speed.csv", delimiter=",", skiprows=1)
@@ -112,6 +118,7 @@ def test_a_drive_that_another_program_simulated(fullcar):
         assert words in said and when <= 5.05
 
 
+@pytest.mark.slow
 def test_a_real_drive_without_a_gyroscope(drive):
     """Slopes are unknown then: nothing is said of the drive as it is, and what is far off is said later."""
     meter = np.loadtxt(drive / "accelerometer.csv", delimiter=",", skiprows=1)
