@@ -215,13 +215,15 @@ _NOISE = {
     "angular_rate_bias": "constant error of the IMU's rates [rad/s]",
     "travel": "noise of a travel [m]",
     "hub_acceleration": "noise of a hub's acceleration [m/s^2]",
-    "speed_slope": "what slope and bank add to what wheel speeds tell, without an IMU [m/s^2]",
+    "speed_slope": "acceleration by slope and bank, which wheel speeds without an IMU do not show [m/s^2]",
     "mass": "error of the sprung mass, over the mass",
     "tip": "error of the lever of the body's weight as it leans, over the lever",
     "height": "error of the moments of the specific forces, over them: heights, links",
 }
 
-_SCALE = "of the deflection in ring_shape's x y z and in the markers; its other fields are true"
+_SCALE = "factor on the deflection in ring_shape's x y z and in the markers; its other fields stay true"
+
+_COUPLED = "on the road: highest belt harmonic that a varying sidewall couples with the others"
 
 PARAMETERS: tuple[Parameter, ...] = (
     Parameter("wheels", "string[]", ("wheel",), "names of the wheels; each is the first part of its topics"),
@@ -232,12 +234,12 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("ring_samples", "integer", 72, "angles around the belt in the ring messages", 3, 10_000),
     Parameter("n_max", "integer", 30, "highest circumferential wavenumber of the belt", 2, 1000),
     Parameter("model", "string", "inextensional", "model of the belt", choices=("inextensional", "complete")),
-    Parameter("load_source", "string", "topic", "of the loads", choices=("topic", "road", "estimate")),
+    Parameter("load_source", "string", "topic", "source of the wheel loads", choices=("topic", "road", "estimate")),
     Parameter("static_loads", "double[]", (), "with load_source road: what each tire carries at rest, > 0 [N]"),
-    Parameter("max_road_step_m", "double", 0.25, "road heights that jump by more are refused [m]", 0.0, 1e5),
+    Parameter("max_road_step_m", "double", 0.25, "road heights that differ by more are refused [m]", 0.0, 1e5),
     Parameter("contact_points", "integer", 1, "on the road: points of the contact along the patch", 1, 50),
-    Parameter("coupled_harmonics", "integer", 30, "on the road: highest harmonic of a varying sidewall's", 0, 1000),
-    Parameter("input_timeout_s", "double", 0.2, "age beyond which an input is stale [s]", 1e-3, 3600.0),
+    Parameter("coupled_harmonics", "integer", 30, _COUPLED, 0, 1000),
+    Parameter("input_timeout_s", "double", 0.2, "age of an input beyond which it is stale [s]", 1e-3, 3600.0),
     Parameter("max_speed_rad_s", "double", 1000.0, "speeds beyond this are refused [rad/s]", 0.0, 1e5),
     Parameter("max_load_n", "double", 200e3, "loads and tractions beyond this are refused [N]", 0.0, 1e9),
     Parameter("ring_shape_scale", "double", 1.0, _SCALE, 0.0, 1e6, read_only=False),
@@ -247,7 +249,7 @@ PARAMETERS: tuple[Parameter, ...] = (
     Parameter("autostart", "boolean", True, "start at once; false: wait for a lifecycle manager"),
     *_tire_parameters(),
     *_car_parameters(),
-    Parameter("axle_wrench_covariance", "boolean", False, "with load_source estimate: covariances of the axle forces"),
+    Parameter("axle_wrench_covariance", "boolean", False, "publish the covariances of estimated axle forces"),
     Parameter("log.directory", "string", "", "where logs are written; empty: no log", read_only=False),
     Parameter("log.queue_size", "integer", 20_000, "messages that may wait for the disk", 100, 10_000_000),
     Parameter("log.max_size_mb", "double", 1e3, "size at which a log goes on in another file [MB]; 0: never", 0.0, 1e9),
