@@ -141,5 +141,5 @@ def test_noise_for_numbers_does_not_end_the_watch_of_a_live_node(kind):
             pipeline.receive(f"left/{kind}", now, encode_float64([1e308, -1e308, 1e200, np.inf][number % 4]))
         sums = pipeline.take_sums()
         assert np.isfinite([*sums.values()]).all()
-        said = watch.look(sums)
+        said = watch.update(sums)
     assert said == []

@@ -21,7 +21,7 @@ Sums = Mapping[str, FloatArray]
 """As :meth:`.Pipeline.take_sums` gives them."""
 
 _COUNT, _TOTAL, _SIZE = 0, 1, 2
-_LOOKS = 4  # that are taken together
+_KEPT = 4  # sums that are judged together
 _FEW = 20  # samples of which nothing is said
 _SLOW = 5.0  # [rad/s] below which wheels of one vehicle may differ by any factor, as on full lock
 _WALK = 2.0  # [m/s] of the vehicle, below which its speed says nothing about that of the wheels
@@ -41,12 +41,12 @@ class InputWatch:
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self._values = values
-        self._seen: deque[Sums] = deque(maxlen=_LOOKS)
+        self._seen: deque[Sums] = deque(maxlen=_KEPT)
 
-    def look(self, sums: Sums) -> list[str]:
-        """Take what came since the last look; what is odd, one line each."""
+    def update(self, sums: Sums) -> list[str]:
+        """Take what came since the last call; what is odd, one line each."""
         self._seen.append(sums)
-        if len(self._seen) < _LOOKS - 1:
+        if len(self._seen) < _KEPT - 1:
             return []
         whole = {name: sum((each[name] for each in self._seen), np.zeros_like(sums[name])) for name in sums}
         return doubts_of(whole, self._values)

@@ -192,10 +192,10 @@ class MotionWatch:
             self._rows.append(row)
             self._rows.extend([[math.nan] * len(row)] * (number - last - 1))
             if number // _EACH != last // _EACH:
-                self._look()
+                self._ask()
         self._empty()
 
-    def _look(self) -> None:
+    def _ask(self) -> None:
         self.analyse(partial(self._find, np.array(self._rows)), self._take_finding)
 
     def _take_finding(self, found: _Finding) -> None:
@@ -211,10 +211,10 @@ class MotionWatch:
         found = _Finding("", "", False)
         for count in _BINS:
             if len(rows) >= count and not found.kind and not found.is_sound:
-                found = self._look_at(rows[-count:])
+                found = self._judge(rows[-count:])
         return found
 
-    def _look_at(self, rows: FloatArray) -> _Finding:
+    def _judge(self, rows: FloatArray) -> _Finding:
         speeds, imu = _whole(self._radius * rows[:, : self._width]), _whole(rows[:, self._width :])
         if np.isnan(imu).any() or not 0.7 < imu[:, 2].mean() / GRAVITY < 1.3:
             return _Finding("", "", False)

@@ -84,8 +84,8 @@ class Announcer:
         self._ticks, self._missing, self._misfits = _Throttle(_APART), _Throttle(_AGAIN), _Throttle(_AGAIN)
         self._clock = _Throttle(_AGAIN)
 
-    def look(self) -> None:
-        """Say what has changed since the last look."""
+    def update(self) -> None:
+        """Say what has changed since the last call."""
         if self.no_clock:
             if self._clock():
                 self._logger.warning(f"{self.no_clock}; nothing is computed before it does")
@@ -93,7 +93,7 @@ class Announcer:
         lost: dict[str, list[str]] = {}  # wheels by what is wrong: where a publisher ends, it is of all
         back: list[tuple[str, float]] = []
         for index, said in enumerate(self._wheels):
-            self._look_at(index, said, lost, back)
+            self._update_wheel(index, said, lost, back)
         for why, wheels in lost.items():
             self._logger.warning(f"no output of {', '.join(wheels)}: {why}")
         if back:
@@ -128,7 +128,7 @@ class Announcer:
         heard = ", ".join(names[:_MOST_NAMES]) + (", ..." if len(names) > _MOST_NAMES else "")
         return f"joint_states has joints {heard}; none is {', '.join(joints)}"
 
-    def _look_at(
+    def _update_wheel(
         self, index: int, said: _Wheel, lost: dict[str, list[str]], back: list[tuple[str, float]]
     ) -> None:
         wheel, inputs = self._vehicle.settings.wheels[index], self._vehicle.inputs[index]

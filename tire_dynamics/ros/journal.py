@@ -60,7 +60,7 @@ class Journal:
         self._pause = _RETRY
         self._dropped: Counter[str] = Counter()  # by the logs before this one
         self._said: Log | None = None  # of which it was said that it is open
-        self._mourned: Log | None = None  # of which it was said that it failed
+        self._failed: Log | None = None  # of which it was said that it failed
 
     def start(self) -> Log:
         """Begin a log."""
@@ -122,7 +122,7 @@ class Journal:
         if self.log is not None:
             self.log.drop(self.names[topic])
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Say what has become of logs, and begin another one when the disk has refused one."""
         for log in [log for log in self._finishing if not log.alive]:
             self._finishing.remove(log)
@@ -135,8 +135,8 @@ class Journal:
         self._retry_if_due()
 
     def _say_end(self, log: Log) -> None:
-        if log.error and log is not self._mourned:
-            self._mourned = log
+        if log.error and log is not self._failed:
+            self._failed = log
             self._logger.error(f"log failed: {log.error}")
         elif not log.error:
             self._logger.info(f"log closed: {log.folder}, {log.written} messages")

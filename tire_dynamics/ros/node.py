@@ -55,7 +55,7 @@ from .worker import Worker
 __all__ = ["TireDynamicsNode", "run"]
 
 _IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
-_LOOK = 0.25  # [s] between two looks at inputs and logs, for /rosout
+_UPDATE = 0.25  # [s] after which what has changed of inputs and logs is said on /rosout
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
 _SLACK = 1  # [ns] by which the kernel may end a wait of this thread late, to save power; its default is 50 us
 _LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
@@ -271,7 +271,7 @@ class TireDynamicsNode(LifecycleNode):
         self._pipeline.vehicle.wheels.judged_elsewhere = True  # no tick waits for it
         self._questions.clear()
         self._monitor = UniformityMonitor(self._pipeline.vehicle.wheels)
-        self._looking = False
+        self._analysing = False
         self._watch, self._doubts = InputWatch(self._pipeline.values), []
         if self._pipeline.motion is not None:
             self._pipeline.motion.analyse = self._analyse_motion
@@ -281,7 +281,7 @@ class TireDynamicsNode(LifecycleNode):
         try:
             if self._pipeline.values["log.directory"]:
                 self._journal.start().wait_until_open()
-                self._journal.look()
+                self._journal.update()
         except InputError:
             self._journal.end()
             raise
@@ -353,7 +353,7 @@ class TireDynamicsNode(LifecycleNode):
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
         self._add_task(1.0 / len(wheels), self._update_stability)
-        self._add_task(_LOOK, self._look)
+        self._add_task(_UPDATE, self._update)
         if not self._paced:
             self._add_task(self._period * 1e-9, self._tick)
         self._publish_transforms()
@@ -676,7 +676,7 @@ class TireDynamicsNode(LifecycleNode):
         return self._judge.ask(state, partial(self._analyst.stability, *state), then)
 
     def _update_stability(self) -> None:
-        if not self._active or self._looking:
+        if not self._active or self._analysing:
             return
         index = self._next_wheel
         self._next_wheel = (index + 1) % len(self._stabilities)
@@ -689,17 +689,17 @@ class TireDynamicsNode(LifecycleNode):
             self._stabilities[index] = {"verdict": f"unknown: {error}"} if found is None else found
 
         def keep_variation(found: Any, error: Exception | None) -> None:
-            self._looking = False
+            self._analysing = False
             monitor.keep(index, found)
 
         self._ask_for_stability(speed, keep_stability)
         work = partial(variation_of, monitor.taken(index))
-        self._looking = self._worker.ask(("variation", index), work, keep_variation)
+        self._analysing = self._worker.ask(("variation", index), work, keep_variation)
 
-    def _look(self) -> None:
+    def _update(self) -> None:
         if self._active:
-            self._journal.look()
-            self._announcer.look()
+            self._journal.update()
+            self._announcer.update()
             self._ask_for_restarts()
 
     def _ask_for_restarts(self) -> None:
@@ -729,7 +729,7 @@ class TireDynamicsNode(LifecycleNode):
         array.header.stamp = self.get_clock().now().to_msg()
         if self._active:
             self._before, self._second = self._second, self._present_second()
-            self._look_at_inputs()
+            self._check_inputs()
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
                 array.status.append(self._wheel_status(index))
@@ -746,10 +746,10 @@ class TireDynamicsNode(LifecycleNode):
         if now and self._active:
             self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
 
-    def _look_at_inputs(self) -> None:
+    def _check_inputs(self) -> None:
         """Say what has become odd about the inputs, once: numbers in it change from second to second."""
         known = {re.sub(r"-?\d[\d.e+-]*", "", doubt) for doubt in self._doubts}
-        self._doubts = self._watch.look(self._pipeline.take_sums())
+        self._doubts = self._watch.update(self._pipeline.take_sums())
         if self._pipeline.motion is not None:
             self._doubts += self._pipeline.motion.doubts
         for doubt in self._doubts:
