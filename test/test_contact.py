@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tire_dynamics import TireWheelUnit, floquet, ring, wheel
-from tire_dynamics.science import contact, nonuniform
+from tire_dynamics import TireWheelUnit, floquet, ring, wheel, write_unit
+from tire_dynamics.cli.main import main
+from tire_dynamics.science import contact, maps, nonuniform
 from tire_dynamics.science.coefficients import contact_patch_factor
 from tire_dynamics.science.modes import RingModes
 
@@ -449,3 +451,39 @@ def test_bad_arguments():
     ):
         with pytest.raises(ValueError, match="must be"):
             call()
+
+
+# -- maps and commands --------------------------------------------------------------------------------------------
+
+
+def test_a_map_on_the_road_is_of_the_stability_at_each_point():
+    """Speeds about those of the two losses of stability, a softer tread among them."""
+    speeds, stiffnesses = np.array([100.0, 1000.0, 2500.0]), np.array([1.5e5, 2e5])
+    grid = maps.stability_map(ROAD, ("vertical_stiffness", stiffnesses), ("speed", speeds), contact=True, n_max=3)
+    for row, speed in enumerate(speeds.tolist()):
+        for column, stiffness in enumerate(stiffnesses.tolist()):
+            unit = ROAD.replace(vertical_stiffness=stiffness)
+            found = wheel.stability(unit, speed, contact=True, n_max=3)
+            assert maps.VERDICTS[grid.verdict[row, column]] == found.verdict
+            assert grid.abscissa[row, column] == pytest.approx(found.exponents.real.max(), rel=1e-9)
+    assert {maps.VERDICTS[code] for code in grid.verdict.ravel()} == {"asymptotically stable", "unstable"}
+
+
+def test_the_commands_on_the_road(tmp_path, capsys):
+    """``map`` and ``response`` with ``--contact``: the library's numbers."""
+    write_unit(ROAD, tmp_path / "unit.yaml")
+    tire = ["--config", str(tmp_path / "unit.yaml"), "--contact", "--n-max", "3", "--json"]
+    assert main(["response", "--speed-rpm", "1000", "--points", "3", *tire]) == 0
+    said = json.loads(capsys.readouterr().out)
+    H = wheel.frequency_response(ROAD, 1000.0 * RPM, said["frequencies_Hz"], input="road", n_max=3)
+    [one] = said["speeds"]
+    for name, row in (("road_to_force_z", 1), ("road_to_contact_force", 2)):
+        assert one[name]["ratio"] == pytest.approx(np.abs(H[:, row, 0]), rel=1e-12)
+    axes = ["--x", "speed_rpm=1000:40000:3", "--y", "zeta_1=0.05:0.1:2"]
+    assert main(["map", *axes, *tire, "-o", str(tmp_path / "map.png"), "--quiet"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    with np.load(said["numbers"]) as drawn:
+        assert drawn["contact_n_max"] == 3
+        speeds, zetas = drawn["x"] * RPM, drawn["y"]
+        grid = maps.stability_map(ROAD, ("speed", speeds), ("zeta_1", zetas), contact=True, n_max=3)
+        assert drawn["verdict"].tolist() == grid.verdict.tolist()
