@@ -43,7 +43,7 @@ each = @failed=; for part in $(1); do \
 	if [ -n "$$failed" ]; then echo "make $@: FAILED:$$failed (of: $(strip $(1)))" >&2; exit 1; fi; \
 	echo "make $@: passed: $(strip $(1))"
 
-.PHONY: help run check test nightly interop colcon docs lint types bench identify-study soak kill clean
+.PHONY: help run check test nightly interop colcon docs lint types bench identify-study loads soak kill clean
 .PHONY: tests-quick tests-parallel tests-live tests-random tests-long
 
 help:  ## this list
@@ -102,6 +102,9 @@ bench: $(TESTS)  ## every benchmark in turn, about 15 minutes; figures also go t
 
 identify-study: $(TESTS)  ## synthetic drives identified, 200 of each kind: are the stated errors honest? an hour
 	$(PY) benchmarks/identify_study.py --kinds all
+
+loads: $(TESTS)  ## estimated wheel loads beside their bars: a car of others, 100 seeded drives; ten minutes
+	$(PY) benchmarks/loads.py
 
 soak: $(TESTS)  ## the node under faults for MINUTES (30), looked at after each; see docs/reliability.md
 	$(PY) benchmarks/soak.py --minutes $(MINUTES)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 GRAVITY = 9.80665
-RATE = 1000  # steps of the simulation [1/s]
+RATE = 2000  # steps of the simulation [1/s]
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Drive:
     slope: float = 0.0  # of the road, uphill [rad]
     bank: float = 0.0  # of the road, left side up [rad]
     bump: float = 0.025  # height of a bump of a metre, at a third of the way through [m]
-    tip: bool = False  # whether the body's weight has a lever when it rolls and pitches
+    tip: bool = False  # whether the body's weight has a lever when it leans, and the IMU's vertical axis leans with it
 
 
 @dataclass
@@ -209,23 +209,25 @@ def simulate_drives(car: Car, drives: list[Drive], seeds: list[int], sensors: Se
     other = np.array([1, 0, 3, 2])
     kept: dict[str, list[Any]] = {name: [] for name in ("load", "imu", "travel", "hub", "speeds")}
     every = {name: RATE // rate for name, rate in sensors.rates.items()}
-    previous = begin
+    # Leapfrog: velocities are those of half a step before. Forces and sensors take them half a step on, by the last
+    # acceleration: dampers that lag behind the springs by half a step of 1/2000 s make the body seem 0.3 % lighter.
+    az, ap, aq, au = (np.zeros_like(each) for each in (vz, p, q, vu))
     level_roll, level_pitch = roll.copy(), pitch.copy()
     for step in range(steps):
         road = heights[step]
-        road_rate = (road - previous) * RATE if step else np.zeros_like(road)
-        previous = road
+        road_rate = (heights[min(step + 1, steps - 1)] - heights[max(step - 1, 0)]) * (RATE / 2.0)
+        vz_now, p_now, q_now, vu_now = (v + a * (dt / 2.0) for v, a in ((vz, az), (p, ap), (q, aq), (vu, au)))
         corner = z + y * roll - x * pitch
-        corner_rate = vz + y * p - x * q
+        corner_rate = vz_now + y * p_now - x * q_now
         travel = zu - corner
-        rate = vu - corner_rate
+        rate = vu_now - corner_rate
         spring = k * travel + np.where(rate > 0.0, bump, rebound) * rate + bar * (travel - travel[:, other])
         on_body = carried * g + spring
         # in the road's plane: what moves the car, and what slope and bank add to it
         ax = acceleration[:, step, None] + g * slope
         ay = (speed[:, step] * yaw[:, step])[:, None] + g * bank
         direct = -side * direct_y * ay - np.sign(x) * direct_x * ax
-        load = np.maximum(static + car.tire_rate * (road - zu) + car.tire_damping * (road_rate - vu), 0.0)
+        load = np.maximum(static + car.tire_rate * (road - zu) + car.tire_damping * (road_rate - vu_now), 0.0)
         az = (on_body.sum(1, keepdims=True) - m * g) / m
         lean, dive = roll - level_roll, pitch - level_pitch
         roll_moment = m * roll_arm * (ay + tip * g * lean)
@@ -236,7 +238,8 @@ def simulate_drives(car: Car, drives: list[Drive], seeds: list[int], sensors: Se
         if step % (RATE // 200) == 0:
             kept["load"].append(load)
         if step % every["imu"] == 0:
-            kept["imu"].append(np.hstack([ax - g * dive, ay + g * lean, az + g, p, q, yaw[:, step, None]]))
+            up = az + g + tip * (ax * dive - ay * lean)
+            kept["imu"].append(np.hstack([ax - g * dive, ay + g * lean, up, p_now, q_now, yaw[:, step, None]]))
         if step % every["travel"] == 0:
             kept["travel"].append(travel)
         if step % every["hub"] == 0:

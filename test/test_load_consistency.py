@@ -139,13 +139,12 @@ def test_what_cannot_be_seen_has_a_large_deviation():
 
 @pytest.mark.parametrize("manoeuvre", MANOEUVRES)
 def test_the_multibody_model_of_others(manoeuvre):
-    """With links that lift the body in a curve, joints that give, and brakes whose moment the springs take whole: its
-    geometry is known to some 8 %. It goes up to 9 m/s^2, where wheels are about to lift.
+    """With links that lift the body in a curve, joints that give, and brakes whose moment the springs take whole. It
+    goes up to 9 m/s^2, where wheels are about to lift. The filter's own uncertainty covers all of it.
     """
     car, recording = record(manoeuvre)
     change = np.sqrt(((recording.load - recording.static) ** 2).mean())
     for names in SETS.values():
-        noise = SensorNoise(height=0.08)
-        estimate = estimate_loads(car, **recording.sources(names), at=recording.time, noise=noise)
+        estimate = estimate_loads(car, **recording.sources(names), at=recording.time)
         assert inside(recording, estimate) > 93.0
-        assert np.sqrt(((estimate.load - recording.load) ** 2).mean()) < 0.4 * change
+        assert np.sqrt(((estimate.load - recording.load) ** 2).mean()) < 0.3 * change

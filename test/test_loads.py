@@ -93,7 +93,7 @@ def test_a_mass_that_is_off_is_found(driven):
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", SETS)
 def test_a_hundred_drives(name):
-    """Roads of classes A to C, 8 to 28 m/s: in all, 92 to 98.5 % inside two deviations, in none below 85 %.
+    """Roads of classes A to C, 8 to 28 m/s: in all, 93 to 98.5 % inside two deviations, in none below 85 %.
 
     But from hub accelerations, where a mean load that is off is most of the error, and off for all of a drive: 60 %.
     """
@@ -108,7 +108,7 @@ def test_a_hundred_drives(name):
     for recording in simulate_drives(Car(), drives, list(range(100))):
         estimate = estimate_loads(CAR, **recording.sources(SETS[name]))
         inside.append(figures(recording.time, recording.load, estimate, 20.0)[2])
-    assert 92.0 <= np.mean(inside) <= 98.5
+    assert 93.0 <= np.mean(inside) <= 98.5
     assert min(inside) >= (60.0 if name == "hub" else 85.0)
 
 
@@ -253,6 +253,20 @@ def test_a_snapshot_goes_on_bit_for_bit(driven):
         assert one.advance(sample[0]) == two.advance(sample[0])
         assert one.load.tobytes() == two.load.tobytes()
         assert one.standard_deviation.tobytes() == two.standard_deviation.tobytes()
+
+
+def test_a_snapshot_of_another_version_is_refused(driven):
+    """But where nothing had been estimated yet: there is no state that could mean something else."""
+    car = LoadFilter(CAR)
+    old = car.snapshot()
+    del old["version"]  # the first version had none
+    car.restore(old)
+    for sample in events(driven[0], 0.1):
+        feed(car, sample)
+    car.advance(100 * MILLISECOND)
+    for change in ({"version": 1}, {"version": 3}):
+        with pytest.raises(ValueError, match=f"version {change['version']} of the filter.*the release that wrote it"):
+            LoadFilter(CAR).restore({**car.snapshot(), **change})
 
 
 def test_outcomes():

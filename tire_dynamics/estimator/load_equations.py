@@ -18,22 +18,25 @@ __all__ = ["CarEquations", "SensorNoise"]
 FloatArray = NDArray[np.float64]
 
 # The state: way of each spring, deflection of each tire (from rest, compression positive), velocities of the body
-# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU, relative error of the
-# mass, and how much of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
+# (heave, roll, pitch) and of the wheels, specific force in the road's plane, biases of the IMU; relative errors of the
+# mass, of the moments that specific forces have about the roll and the pitch axis, and of these inertias; and how much
+# of a lever the body's weight has when it rolls and pitches: none is 0, all of it 1.
 TRAVEL, TIRE, WHEEL = slice(0, 4), slice(4, 8), slice(11, 15)
 VELOCITY: Final = slice(8, 15)
-HEAVE, ROLL, PITCH, ALONG, ACROSS = 8, 9, 10, 15, 16
-BIAS_Z, BIAS_ROLL, BIAS_PITCH, BIAS_X, BIAS_Y, MASS, TIP = 17, 18, 19, 20, 21, 22, 23
-SIZE, MOVING = 24, 17  # states, and those that change but by noise
+HEAVE, ROLL, PITCH, ALONG, ACROSS, LIFT = 8, 9, 10, 15, 16, 17
+BIAS_Z, BIAS_ROLL, BIAS_PITCH, BIAS_X, BIAS_Y, MASS = 18, 19, 20, 21, 22, 23
+MOMENT, INERTIA, TIP = slice(24, 26), slice(26, 28), 28
+SIZE, MOVING = 29, 18  # states, and those that change but by noise
 
 START: Final = (
     *([0.01] * 4 + [0.005] * 4),  # [m] each tire's load within some 1 kN
     *([0.1] * 3 + [0.1] * 4),  # [m/s, rad/s]
     *([3.0] * 2),  # [m/s^2] a slope, a curve, the brake
+    0.01,  # [m/s^2] what links lift
 )
 MANOEUVRE_TIME: Final = 3.0  # how long a specific force lasts [s]
+LIFT_TIME: Final = 1.0  # and by how much links lift the body meanwhile [s]
 ALIKE: Final = 0.5  # correlation of the road under left and right wheels
-UNMODELLED: Final = 0.0045  # of the load at rest, one standard deviation: what the equations do not have
 
 
 @dataclass(frozen=True)
@@ -56,11 +59,16 @@ class SensorNoise:
     mass : float
         How far off the sprung mass may be, over the mass.
     tip : float
-        How far the body's weight may be from having no lever as it rolls and pitches; a real one has all of it, 1.
+        How far the lever that the body's weight has as it rolls and pitches may be from half of it: a real car's is
+        1, that of many simulations 0.
+    inertia : float
+        How far off the inertias of the body may be, over them.
     height : float
-        How far the moments of the specific forces may be from what heights and links make of them, over them. Such an
-        error looks like one of the mass. The default is that of a car whose geometry is measured; of a data sheet, and
-        with links that hold against dive and roll, it is 0.05 to 0.1.
+        How far off the heights may be that give specific forces their moments, over them. The default is that of a car
+        whose geometry is measured; of a data sheet it is 0.03 to 0.05.
+    links : float
+        How much of these moments links may carry past the springs, beyond what roll centres say: no parameter says how
+        they hold against dive. It is also how much of a specific force they may make lift the body.
 
     Raises
     ------
@@ -77,7 +85,9 @@ class SensorNoise:
     speed_slope: float = 0.5
     mass: float = 0.03
     tip: float = 0.5
-    height: float = 1e-3
+    inertia: float = 0.1
+    height: float = 0.01
+    links: float = 0.05
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -109,6 +119,12 @@ class CarEquations:
     - F'_i = k_i q_i + c_i(q_i') q_i' + bar; m v_z' = sum F'_i; I_x p' = sum y_i F'_i + m (h - h_r) a_y;
       I_y w' = -sum x_i F'_i - m h a_x; m_i u_i' = k_t d_i - F'_i - G_i, with G_i what passes the springs.
     - The load is F_i = F_i0 + k_t d_i.
+    - m, the moments of the specific forces and the inertias each have a relative error, which is a state. A moment is
+      one of the mass, so their errors are correlated. What the springs do not have of the mass's moment in pitch is
+      carried past them by links.
+    - Links lift the body when it is pulled along or across: by m z, z' = -z / 1 s + noise, a quarter at each wheel.
+    - After hubs were seen the road's noise comes back as 1 - exp(-2 pi v t / 0.1 m): no wave is shorter than 0.1 m, so
+      that what a first-order rate adds is less in the beginning.
 
     Matrices of equations are transposed: column i has what drives state i.
     """
@@ -156,22 +172,27 @@ class CarEquations:
         a[ACROSS, ROLL], a[ALONG, PITCH] = moment
         a[ACROSS, WHEEL], a[ALONG, WHEEL] = -past_y / masses, -past_x / masses
         a[ALONG, ALONG] = a[ACROSS, ACROSS] = -1.0 / MANOEUVRE_TIME
+        a[LIFT, HEAVE] = 1.0
+        a[LIFT, WHEEL] = -car.sprung_mass / 4.0 / masses
+        a[LIFT, LIFT] = -1.0 / LIFT_TIME
+        self.lift = 2.0 / LIFT_TIME * noise.links**2  # intensity, per square of a specific force
         self.constant, self.moment = a, moment
         warp = np.array([0.25, -0.25, -0.25, 0.25])
         self.warp = np.concatenate([warp, warp])[:, None] * (4.0 * warp) / car.wheelbase
 
         self.masses, self.tire = masses, tire
         self.static = np.array(car.static_loads)
-        self.unmodelled = (UNMODELLED * self.static) ** 2
         self.carried = car.sprung_mass * share * GRAVITY
-        self.unmodelled = self.unmodelled + (noise.height * self.carried) ** 2
-        self.jacking = car.sprung_mass / 4.0  # lifted of each wheel by links that lean, per a_y and lean
+        # what of each wheel's load would pass the springs if links carried all of a specific force's moment: along; and
+        # how much more they may carry than roll centres say: across
+        self.past = -np.sign(x) * car.sprung_mass * car.cg_height / (2.0 * car.wheelbase)
+        self.links = noise.links * car.sprung_mass * 2.0 * arm * share / track
         self.road = np.eye(4)
         self.road[[0, 1, 2, 3], other] = ALIKE
         drift = np.zeros(SIZE)
         drift[BIAS_Z], drift[BIAS_ROLL : BIAS_PITCH + 1] = (3e-4) ** 2, (6e-6) ** 2
         drift[BIAS_X : BIAS_Y + 1] = (3e-4) ** 2
-        drift[MASS], drift[TIP] = (3e-4) ** 2, (1e-3) ** 2
+        drift[MASS], drift[MOMENT], drift[INERTIA], drift[TIP] = (3e-4) ** 2, (3e-4) ** 2, (3e-4) ** 2, (1e-3) ** 2
         self.drift = drift
         # the road's bank, which tips gravity into a_y and goes its own way: per intensity of the road
         self.bank = 2.0 * (1.0 - ALIKE) * (2.0 * GRAVITY / (car.tracks[0] + car.tracks[1])) ** 2
@@ -194,8 +215,11 @@ class CarEquations:
         self.see_force = np.zeros((SIZE, 2))
         self.see_force[ALONG, 0] = self.see_force[ACROSS, 1] = 1.0
         n = noise
-        biases = [n.acceleration_bias, *[n.angular_rate_bias] * 2, *[n.acceleration_bias] * 2, n.mass, n.tip]
-        self.start = np.array([*START, *biases]) ** 2
+        biases = [n.acceleration_bias, *[n.angular_rate_bias] * 2, *[n.acceleration_bias] * 2]
+        errors = [0.0, n.height, n.height, n.inertia, n.inertia, n.tip]
+        self.start = np.diag(np.array([*START, *biases, *errors]) ** 2)
+        self.start[MOMENT.stop - 1, MOMENT.stop - 1] += n.links**2
+        self.start[MASS : MOMENT.stop, MASS : MOMENT.stop] += n.mass**2  # a moment is one of the mass
         self.noise = {
             "imu": [n.acceleration**2] * 3 + [n.angular_rate**2] * 2,
             "travel": [n.travel**2] * 4,

@@ -26,6 +26,7 @@ LARGEST: Final = {"wheel_speed": 1e4, "imu": 1e4, "travel": 10.0, "hub": 1e5}  #
 _WHEEL_SPEED, _IMU, _TRAVEL, _HUB = range(4)
 _COUNT: Final = (4, 6, 4, 4)
 
+VERSION: Final = 2  # of what a snapshot holds: it goes up when the filter's state or equations change
 STEP: Final = 2_500_000  # the longest step [ns]
 WINDOW: Final = 50_000_000  # how late a sample may be [ns]
 BETWEEN: Final = 5_000_000  # two kept states [ns]
@@ -315,6 +316,7 @@ class LoadFilter:
         """Everything that later results depend on, in JSON's types; :meth:`restore` continues from it bit for bit."""
         kept = self._kept[0] if self._kept else None
         return {
+            "version": VERSION,
             "time": self.time,
             "reached": self._reached,
             "kept": None if kept is None else [kept.buffer.tolist(), *kept[1:]],
@@ -324,7 +326,19 @@ class LoadFilter:
         }
 
     def restore(self, snapshot: Mapping[str, Any]) -> None:
-        """Take over the samples, the state and the time of a :meth:`snapshot`."""
+        """Take over the samples, the state and the time of a :meth:`snapshot`.
+
+        Raises
+        ------
+        ValueError
+            The snapshot's state is that of another version of the filter.
+        """
+        version = snapshot.get("version", 1)
+        if version != VERSION and snapshot["kept"] is not None:
+            raise ValueError(
+                f"its loads were estimated by version {version} of the filter, whose state version {VERSION} cannot go "
+                "on from; replay it with the release that wrote it"
+            )
         self.reset()
         self.counts = {name: Counter(snapshot["counts"][name]) for name in SOURCES}
         if snapshot["kept"] is not None:

@@ -35,8 +35,8 @@ __all__ = ["CarFilter"]
 FloatArray = NDArray[np.float64]
 
 # places in the state, as load_equations has them
-_N = cython.declare(cython.Py_ssize_t, 24)
-_M = cython.declare(cython.Py_ssize_t, 17)  # those that change but by noise
+_N = cython.declare(cython.Py_ssize_t, 29)
+_M = cython.declare(cython.Py_ssize_t, 18)  # those that change but by noise
 _TIRE = cython.declare(cython.Py_ssize_t, 4)
 _VELOCITY = cython.declare(cython.Py_ssize_t, 8)
 _ROLL = cython.declare(cython.Py_ssize_t, 9)
@@ -44,10 +44,15 @@ _PITCH = cython.declare(cython.Py_ssize_t, 10)
 _WHEEL = cython.declare(cython.Py_ssize_t, 11)
 _ALONG = cython.declare(cython.Py_ssize_t, 15)
 _ACROSS = cython.declare(cython.Py_ssize_t, 16)
-_BIAS_Z = cython.declare(cython.Py_ssize_t, 17)
-_BIAS_Y = cython.declare(cython.Py_ssize_t, 21)
-_MASS = cython.declare(cython.Py_ssize_t, 22)
-_TIP = cython.declare(cython.Py_ssize_t, 23)
+_LIFT = cython.declare(cython.Py_ssize_t, 17)
+_BIAS_Z = cython.declare(cython.Py_ssize_t, 18)
+_BIAS_Y = cython.declare(cython.Py_ssize_t, 22)
+_MASS = cython.declare(cython.Py_ssize_t, 23)
+_MOMENT_ROLL = cython.declare(cython.Py_ssize_t, 24)
+_MOMENT_PITCH = cython.declare(cython.Py_ssize_t, 25)
+_INERTIA_ROLL = cython.declare(cython.Py_ssize_t, 26)
+_INERTIA_PITCH = cython.declare(cython.Py_ssize_t, 27)
+_TIP = cython.declare(cython.Py_ssize_t, 28)
 
 _GRAVITY = cython.declare(cython.double, 9.80665)
 _MANOEUVRE = cython.declare(cython.double, 2.0)  # intensity while nothing measures it [m/s^2 per sqrt s]: it stays
@@ -56,13 +61,12 @@ _ROUGHNESS = cython.declare(cython.double, 32e-6)  # Gd(0.1 cycles/m) before any
 _LEAST_ROUGHNESS = cython.declare(cython.double, 1e-8)
 _MOST_ROUGHNESS = cython.declare(cython.double, 1e-2)
 _EXCITES = cython.declare(cython.double, 2.0 * (math.pi * 0.1) ** 2)  # of the road: intensity per roughness and speed
+_SHORTEST = cython.declare(cython.double, 0.1 / (2.0 * math.pi))  # a road has no waves below 0.1 m, a tire's contact:
+# their inverse wavenumber [m]
 _CREEP = cython.declare(cython.double, 0.05)  # a car that stands may still be loaded: as much as at this speed [m/s]
 _USUAL_SPEED = cython.declare(cython.double, 15.0)  # where nothing tells the speed [m/s]
 _LEARNING_TIME = cython.declare(cython.double, 10.0)  # within which what was learnt is forgotten [s]
-_MASS_DRIFT = cython.declare(cython.double, 2.5e-3)  # of the mass, [1/sqrt(s)]: spring rates are parameters, and in
-# error; without it travel would soon be taken for an exact balance
-_LOOSE = cython.declare(cython.double, 2.5)  # an acceleration of the body is as doubtful as its mass: white noise of
-# that share of it over this time [s]
+_CLIPPED = cython.declare(cython.double, 0.08)  # how long a damper is off its line [s]: while a wheel hops, 4 m/c
 _BALANCE = cython.declare(cython.double, 60.0)  # below which the wheels' momentum is balanced [rad/s]
 _OUTLIER = cython.declare(cython.double, 9.0)  # a squared normalised innovation beyond is taken as this one when the
 # roughness is learnt
@@ -79,6 +83,19 @@ def _decay(exponent: cython.double) -> cython.double:
     even: cython.double = 1.0 + exponent * exponent / 12.0
     odd: cython.double = exponent / 2.0
     return (even - odd) / (even + odd)
+
+
+@cython.cfunc
+@cython.inline
+@cython.nogil
+@cython.exceptval(check=False)
+def _vanish(exponent: cython.double) -> cython.double:
+    """exp(-exponent) for exponents up to 4, as (exp(-exponent/16))^16."""
+    value: cython.double = _decay(exponent / 16.0)
+    value *= value
+    value *= value
+    value *= value
+    return value * value
 
 
 @cython.cfunc
@@ -185,7 +202,11 @@ class CarFilter:
     error, as innovations are white.
 
     A damper of two slopes is taken at the mean and the variance of its speed, as the best line through it: with r the
-    speed, c (r) r ~ c_mean r + c_half sqrt(r^2 + 2 var/pi).
+    speed, c (r) r ~ c_mean r + c_half sqrt(r^2 + 2 var/pi). What it is off that line, c_half^2 var (1 - 2/pi) where r
+    is 0, is noise of the forces, and of the accelerations that are measured.
+
+    An accelerometer on the body leans with it, so that its vertical axis sees some of the specific forces along and
+    across; like the lever of the body's weight this is as much as ``_TIP`` says.
     """
 
     buffer = cython.declare(object, visibility="readonly")
@@ -195,6 +216,7 @@ class CarFilter:
     b: cython.double[::1]
     balance: cython.double[::1]
     spread: cython.double[::1]
+    clipped: cython.double[::1]
     learnt: cython.double[::1]
     innovations: cython.double[::1]
     constant: cython.double[::1]
@@ -232,6 +254,8 @@ class CarFilter:
     fresh: cython.double[::1]
     white: cython.double[::1]
     gain: cython.double[::1]
+    acceleration: cython.double
+    acceleration_hub: cython.double
     moment_roll: cython.double
     moment_pitch: cython.double
     leans: cython.double
@@ -240,12 +264,15 @@ class CarFilter:
     static: cython.double[::1]
     tire: cython.double[::1]
     carried: cython.double[::1]
-    unmodelled: cython.double[::1]
-    jacking: cython.double
+    links: cython.double[::1]
+    past: cython.double[::1]
+    height: cython.double
+    lift: cython.double
 
     def __init__(self, vehicle: VehicleParameters, noise: SensorNoise) -> None:
         car = CarEquations(vehicle, noise)
-        sizes = {"x": 24, "p": 24 * 24, "a": 24 * 17, "b": 7, "balance": 4, "spread": 4, "learnt": 6, "innovations": 8}
+        sizes = {"x": _N, "p": _N * _N, "a": _N * _M, "b": 7, "balance": 4, "spread": 4, "clipped": 4}
+        sizes |= {"learnt": 7, "innovations": 8}
         self.buffer = np.zeros(sum(sizes.values()))
         views, begin = {}, 0
         for name, size in sizes.items():
@@ -255,26 +282,29 @@ class CarFilter:
         self.a = views["a"]  # transposed: column i has what drives state i
         self.b = views["b"]
         self.balance, self.spread = views["balance"], views["spread"]
-        self.learnt = views["learnt"]  # roughness, its information, manoeuvres^2, its information, speed, is it known
+        self.clipped = views["clipped"]  # variance of what each damper's force is off its line [N^2]
+        self.learnt = views["learnt"]  # roughness, its information, manoeuvres^2, its information, speed, is
+        # it known, time since the hubs were seen [s]
         self.innovations = views["innovations"]  # each source's sum and number of squares, fading
         self.constant, self.rate, self.push = _flat(car.constant), _flat(car.rate), _flat(car.push)
         self.damp, self.half, self.mean = _flat(car.damp), _flat(car.damper_half), _flat(car.damper_mean)
         self.warp, self.tilt, self.drift, self.start = map(_flat, (car.warp, car.tilt, car.drift, car.start))
         self.road, self.masses = _flat(car.road), _flat(car.masses)
         self.see_imu, self.see_travel, self.see_force = map(_flat, (car.see_imu, car.see_travel, car.see_force))
-        self.see_hub = np.zeros(24 * 4).data
+        self.see_hub = np.zeros(_N * 4).data
         self.noise_imu, self.noise_travel = np.array(car.noise["imu"]).data, np.array(car.noise["travel"]).data
         self.noise_hub, self.noise_force = np.array(car.noise["hub"]).data, np.array(car.noise["force"]).data
+        self.acceleration, self.acceleration_hub = car.noise["imu"][0], car.noise["hub"][0]
         self.moment_roll, self.moment_pitch = car.moment
         self.leans, self.dives = car.leans, car.dives
         self.bank = car.bank
         self.static, self.tire, self.carried = _flat(car.static), _flat(car.tire), _flat(car.carried)
-        self.unmodelled = _flat(car.unmodelled)
-        self.jacking = car.jacking
-        self.change, self.left, self.both = np.zeros(24 * 17).data, np.zeros(17 * 24).data, np.zeros(17 * 17).data
+        self.links, self.past, self.height = _flat(car.links), _flat(car.past), noise.height
+        self.lift = car.lift
+        self.change, self.left, self.both = np.zeros(_N * _M).data, np.zeros(_M * _N).data, np.zeros(_M * _M).data
         self.few = np.zeros(64).data
         self.innovation, self.noise = np.zeros(5).data, np.zeros(5).data
-        self.see, self.seen, self.gain = np.zeros(24 * 5).data, np.zeros(5 * 24).data, np.zeros(5 * 24).data
+        self.see, self.seen, self.gain = np.zeros(_N * 5).data, np.zeros(5 * _N).data, np.zeros(5 * _N).data
         self.covariance, self.lower, self.inverse = np.zeros(25).data, np.zeros(25).data, np.zeros(25).data
         self.variance, self.fresh, self.white = np.zeros(5).data, np.zeros(5).data, np.zeros(5).data
         self.reset()
@@ -285,11 +315,12 @@ class CarFilter:
         """Forget everything."""
         i: cython.Py_ssize_t
         self.buffer[:] = 0.0
-        for i in range(_N):
-            self.p[i * _N + i] = self.start[i]
+        for i in range(_N * _N):
+            self.p[i] = self.start[i]
+        self.x[_TIP] = 0.5  # between none and all of it
         self.learnt[0], self.learnt[1] = _ROUGHNESS, 10.0
         self.learnt[2], self.learnt[3] = _MANOEUVRE * _MANOEUVRE, 10.0
-        self.learnt[4], self.learnt[5] = _USUAL_SPEED, 0.0
+        self.learnt[4], self.learnt[5], self.learnt[6] = _USUAL_SPEED, 0.0, 1.0
         self.linearise(True)
 
     def restart(self) -> None:
@@ -301,9 +332,10 @@ class CarFilter:
             for j in range(_N):
                 self.p[i * _N + j] = self.p[j * _N + i] = 0.0
         for i in range(_M):
-            self.p[i * _N + i] = self.start[i]
+            self.p[i * _N + i] = self.start[i * _N + i]
         for i in range(4):
             self.balance[i] = self.spread[i] = 0.0
+        self.learnt[6] = 1.0
         self.linearise(True)
 
     # -- through time ---------------------------------------------------------------------------------------
@@ -356,6 +388,8 @@ class CarFilter:
             slope = r / size
             self.few[28 + w] = self.mean[w] + self.half[w] * slope
             self.few[32 + w] = self.half[w] * (size - slope * r)
+            size = self.half[w] * self.half[w] * (1.0 - _HALF_LINE) * max(total, 0.0)
+            self.clipped[w] = (1.0 - slope * slope) * size
         for j in range(7):
             total = self.push[j] * self.few[32]
             for w in range(1, 4):
@@ -372,27 +406,52 @@ class CarFilter:
         for i in range(8):
             for w in range(4):
                 self.a[i * _M + _TIRE + w] -= self.warp[i * 4 + w] * self.learnt[4]
-        # A specific force tells of the mass as far as it is more than its error: the mass that explains best why noise
+        # A specific force tells of its moment as far as it is more than its error: the one that explains best why noise
         # moves no body is none.
         clear_across: cython.double = _beyond(across, self.p[_ACROSS * _N + _ACROSS])
         clear_along: cython.double = _beyond(along, self.p[_ALONG * _N + _ALONG])
-        self.a[_MASS * _M + _ROLL] = self.moment_roll * across * clear_across
-        self.a[_MASS * _M + _PITCH] = self.moment_pitch * along * clear_along
+        moment_roll: cython.double = self.moment_roll * (1.0 + self.x[_MOMENT_ROLL])
+        moment_pitch: cython.double = self.moment_pitch * (1.0 + self.x[_MOMENT_PITCH])
+        self.a[_ACROSS * _M + _ROLL] = moment_roll
+        self.a[_ALONG * _M + _PITCH] = moment_pitch
         if weighs:
             lean, dive = self.tilt[0] * self.x[0], self.tilt[1] * self.x[0]
             for i in range(1, 8):
                 lean += self.tilt[2 * i] * self.x[i]
                 dive += self.tilt[2 * i + 1] * self.x[i]
             for i in range(8):
-                self.a[i * _M + _ROLL] += self.tilt[2 * i] * (self.moment_roll * _GRAVITY * tip)
-                self.a[i * _M + _PITCH] -= self.tilt[2 * i + 1] * (self.moment_pitch * _GRAVITY * tip)
-            self.a[_TIP * _M + _ROLL] = self.moment_roll * _GRAVITY * lean * clear_across
-            self.a[_TIP * _M + _PITCH] = -self.moment_pitch * _GRAVITY * dive * clear_along
-            self.b[1] -= tip * self.a[_TIP * _M + _ROLL]
-            self.b[2] -= tip * self.a[_TIP * _M + _PITCH]
+                self.a[i * _M + _ROLL] += self.tilt[2 * i] * (moment_roll * _GRAVITY * tip)
+                self.a[i * _M + _PITCH] -= self.tilt[2 * i + 1] * (moment_pitch * _GRAVITY * tip)
         else:
-            self.a[_TIP * _M + _ROLL] = self.a[_MASS * _M + _ROLL] * self.leans
-            self.a[_TIP * _M + _PITCH] = self.a[_MASS * _M + _PITCH] * self.dives
+            lean, dive = across * self.leans / _GRAVITY, -along * self.dives / _GRAVITY
+            moment_roll *= tip * self.leans
+            moment_pitch *= tip * self.dives
+            self.a[_ACROSS * _M + _ROLL] += moment_roll
+            self.a[_ALONG * _M + _PITCH] += moment_pitch
+        for j in range(3):
+            i = _VELOCITY + j
+            inverse: cython.double = 1.0 / max(1.0 + self.x[_MASS if j == 0 else _INERTIA_ROLL - 1 + j], 0.5)
+            total = 0.0
+            for w in range(_M):
+                self.a[w * _M + i] *= inverse
+                total += self.a[w * _M + i] * self.x[w]
+            self.b[j] *= inverse
+            # the acceleration: errors are linear about it
+            rate: cython.double = -(total + self.b[j]) * inverse if weighs else 0.0
+            if j == 0:
+                self.a[_MASS * _M + i] = rate
+                self.b[j] -= rate * self.x[_MASS]
+            else:
+                slope = (self.moment_roll if j == 1 else self.moment_pitch) * inverse
+                slope *= clear_across if j == 1 else clear_along
+                r = across + _GRAVITY * tip * lean if j == 1 else along - _GRAVITY * tip * dive
+                total = lean if j == 1 else -dive
+                total *= (1.0 + self.x[_MOMENT_ROLL - 1 + j]) * _GRAVITY
+                self.a[(_MOMENT_ROLL - 1 + j) * _M + i] = slope * r
+                self.a[_TIP * _M + i] = slope * total
+                self.a[(_INERTIA_ROLL - 1 + j) * _M + i] = rate
+                self.b[j] -= slope * r * self.x[_MOMENT_ROLL - 1 + j] + slope * total * tip
+                self.b[j] -= rate * self.x[_INERTIA_ROLL - 1 + j]
 
     def predict(
         self, step: cython.double, count: cython.Py_ssize_t, measured: cython.bint, weighs: cython.bint
@@ -422,9 +481,12 @@ class CarFilter:
         j: cython.Py_ssize_t
         half: cython.double = step * step / 2.0
         intensity: cython.double
+        spread: cython.double
+        pull: cython.double
         fade: cython.double
+        w: cython.Py_ssize_t
         self.linearise(weighs)
-        # few: the state's rate (17) from 0, that of its rate (17) from 24
+        # few: the state's rate (18); left: the rate of that (18)
         _product(self.few, self.x, 1, 0, self.a, _N, 1, _M)
         for i in range(7):
             self.few[_VELOCITY + i] += self.b[i]
@@ -438,21 +500,35 @@ class CarFilter:
         _product(self.both, self.left, 1, _N, self.change, _N, _M, _M)
         _carry(self.p, self.left, self.both)
         intensity = _EXCITES * self.learnt[0] * (self.learnt[4] + _CREEP) * step
+        # mean of 1 - exp(-w t) over the step, t since the hubs were seen
+        fade = (self.learnt[4] + _CREEP) / _SHORTEST * (self.learnt[6] + 0.5 * step)
+        if fade < 4.0:
+            intensity *= 1.0 - _vanish(fade)
+        self.learnt[6] = min(self.learnt[6] + step, 1.0)
+        # white noise that is integrated twice within the step: h, h^2/2 and h^3/3 of it, if a tire's force is all that
+        # moves a wheel within a step
         for i in range(4):
             for j in range(4):
-                self.p[(_TIRE + i) * _N + _TIRE + j] += self.road[i * 4 + j] * intensity
+                spread = self.road[i * 4 + j] * intensity
+                self.p[(_TIRE + i) * _N + _TIRE + j] += spread
+                pull = self.tire[j] / self.masses[j] * step
+                self.p[(_TIRE + i) * _N + _WHEEL + j] += spread * pull / 2.0
+                self.p[(_WHEEL + j) * _N + _TIRE + i] += spread * pull / 2.0
+                pull *= self.tire[i] / self.masses[i] * step
+                self.p[(_WHEEL + i) * _N + _WHEEL + j] += spread * pull / 3.0
         for i in range(_N):
             self.p[i * _N + i] += self.drift[i] * step
-        if weighs:
-            for i in range(3):
-                j = _VELOCITY + i
-                self.p[j * _N + j] += _LOOSE * self.p[_MASS * _N + _MASS] * self.few[j] * self.few[j] * step
+        for w in range(4):
+            spread = self.clipped[w] * _CLIPPED * step
+            for i in range(7):
+                for j in range(7):
+                    self.p[(_VELOCITY + i) * _N + _VELOCITY + j] += spread * self.push[w * 7 + i] * self.push[w * 7 + j]
         self.p[_BIAS_Y * _N + _BIAS_Y] += self.bank * intensity
         intensity = self.learnt[2] if measured else _MANOEUVRE * _MANOEUVRE
         for i in range(_ALONG, _ACROSS + 1):
             self.p[i * _N + i] += intensity * step
-        if weighs:
-            self.p[_MASS * _N + _MASS] += _MASS_DRIFT * _MASS_DRIFT * step
+            spread = self.x[i] * self.x[i]
+            self.p[_LIFT * _N + _LIFT] += self.lift * spread * step
         fade = _decay(_BALANCE * step)
         for i in range(4):
             self.balance[i] *= fade
@@ -468,14 +544,33 @@ class CarFilter:
     def take_imu(self, values: Sequence[float]) -> None:
         """Specific force x, y, z [m/s^2], roll rate and pitch rate [rad/s]; NaN where one is not known."""
         i: cython.Py_ssize_t
+        # the body leans, and its vertical axis sees some of what acts along and across
+        lean: cython.double = self.tilt[0] * self.x[0]
+        dive: cython.double = self.tilt[1] * self.x[0]
+        tip: cython.double = self.x[_TIP]
+        along: cython.double = self.x[_ALONG]
+        across: cython.double = self.x[_ACROSS]
+        for i in range(1, 8):
+            lean += self.tilt[2 * i] * self.x[i]
+            dive += self.tilt[2 * i + 1] * self.x[i]
         for i in range(_N):
-            self.see_imu[i * 5] = self.a[i * _M + _VELOCITY] if i != _BIAS_Z else 1.0
+            self.see_imu[i * 5] = self.a[i * _M + _VELOCITY]
         _product(self.few, self.x, 1, 0, self.see_imu, _N, 1, 5)
-        self.innovation[0] = values[2] - _GRAVITY - self.b[0] - self.few[0]
+        self.innovation[0] = values[2] - _GRAVITY - self.b[0] - self.few[0] - self.x[_BIAS_Z]
+        self.innovation[0] -= tip * (along * dive - across * lean)
+        for i in range(8):
+            self.see_imu[i * 5] += tip * (along * self.tilt[2 * i + 1] - across * self.tilt[2 * i])
+        self.see_imu[_ALONG * 5] += tip * dive
+        self.see_imu[_ACROSS * 5] -= tip * lean
+        self.see_imu[_TIP * 5] += along * dive - across * lean
+        self.see_imu[_BIAS_Z * 5] = 1.0
         self.innovation[1] = values[0] - self.few[1]
         self.innovation[2] = values[1] - self.few[2]
         self.innovation[3] = values[3] - self.few[3]
         self.innovation[4] = values[4] - self.few[4]
+        self.noise_imu[0] = self.acceleration
+        for i in range(4):
+            self.noise_imu[0] += self.clipped[i] * self.push[i * 7] * self.push[i * 7]
         self.update(1, 5, self.see_imu, self.noise_imu)
 
     def take_travel(self, values: Sequence[float]) -> None:
@@ -495,7 +590,9 @@ class CarFilter:
         _product(self.few, self.x, 1, 0, self.see_hub, _N, 1, 4)
         for i in range(4):
             self.innovation[i] = values[i] - _GRAVITY - (self.few[i] + self.b[3 + i])
+            self.noise_hub[i] = self.acceleration_hub + self.clipped[i] / (self.masses[i] * self.masses[i])
         self.update(3, 4, self.see_hub, self.noise_hub)
+        self.learnt[6] = 0.0
 
     def take_force(self, along: cython.double, across: cython.double) -> None:
         """Specific force in the road's plane [m/s^2], as wheel speeds tell it."""
@@ -571,7 +668,7 @@ class CarFilter:
             for k in range(count):
                 self.covariance[k * count + i] = self.inverse[i * _MOST + k] * value
         _product(self.gain, self.covariance, count, 1, self.seen, count, count, _N)
-        # few: what the measurements add to the state (24)
+        # few: what the measurements add to the state (29)
         _product(self.few, self.white, 1, 0, self.gain, count, 1, _N)
         for i in range(_N):
             self.x[i] += self.few[i]
@@ -630,12 +727,12 @@ class CarFilter:
     def loads(self) -> tuple[list[float], list[float]]:
         """Load of each tire and its standard deviation [N]."""
         i: cython.Py_ssize_t
-        lean: cython.double = self.tilt[0] * self.x[0]
         load: cython.double
         variance: cython.double
-        for i in range(1, 8):
-            lean += self.tilt[2 * i] * self.x[i]
-        lean = self.jacking * self.x[_ACROSS] * lean
+        # Links carry past the springs what these do not have of the mass's moment. Its heights are told.
+        share: cython.double = self.x[_MASS] - self.x[_MOMENT_PITCH]
+        doubt: cython.double = self.height * self.height + self.p[_MASS * _N + _MASS]
+        doubt += self.p[_MOMENT_PITCH * _N + _MOMENT_PITCH] - 2.0 * self.p[_MASS * _N + _MOMENT_PITCH]
         loads: list[float] = [0.0, 0.0, 0.0, 0.0]
         deviations: list[float] = [0.0, 0.0, 0.0, 0.0]
         for i in range(4):
@@ -644,7 +741,9 @@ class CarFilter:
             variance = self.tire[i] * self.tire[i] * self.p[(_TIRE + i) * _N + _TIRE + i]
             variance += self.carried[i] * self.carried[i] * self.p[_MASS * _N + _MASS]
             variance += 2.0 * self.tire[i] * self.carried[i] * self.p[(_TIRE + i) * _N + _MASS]
-            variance += self.spread[i] + self.unmodelled[i] + lean * lean
+            along, across = self.past[i] * self.x[_ALONG], self.links[i] * self.x[_ACROSS]
+            load += along * share
+            variance += self.spread[i] + along * along * doubt + across * across
             loads[i] = max(load, 0.0)
             deviations[i] = sqrt(max(variance, 0.0))
         return loads, deviations

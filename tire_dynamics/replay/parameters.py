@@ -218,7 +218,9 @@ _NOISE = {
     "speed_slope": "acceleration by slope and bank, which wheel speeds without an IMU do not show [m/s^2]",
     "mass": "error of the sprung mass, over the mass",
     "tip": "error of the lever of the body's weight as it leans, over the lever",
-    "height": "error of the moments of the specific forces, over them: heights, links",
+    "inertia": "error of the body's inertias, over them",
+    "height": "error of the heights that give specific forces their moments, over them",
+    "links": "share of these moments that links carry past the springs, and of specific forces by which they lift",
 }
 
 _SCALE = "factor on the deflection in ring_shape's x y z and in the markers; its other fields stay true"
