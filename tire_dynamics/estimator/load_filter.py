@@ -328,6 +328,10 @@ class LoadFilter:
     def restore(self, snapshot: Mapping[str, Any]) -> None:
         """Take over the samples, the state and the time of a :meth:`snapshot`.
 
+        Parameters
+        ----------
+        snapshot : mapping
+
         Raises
         ------
         ValueError

@@ -135,8 +135,9 @@ def _product(
                 out[i * columns + j] = factor * right[j]
             for k in range(1, inner):
                 factor = left[k * along + i * down]
-                for j in range(columns):
-                    out[i * columns + j] += factor * right[k * columns + j]
+                if factor != 0.0:  # as half of the equations' are
+                    for j in range(columns):
+                        out[i * columns + j] += factor * right[k * columns + j]
     elif rows * columns < 8:  # one behind the other, where NumPy would add in pairs
         for i in range(rows):
             for j in range(columns):
