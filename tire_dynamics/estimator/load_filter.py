@@ -319,7 +319,7 @@ class LoadFilter:
             "version": VERSION,
             "time": self.time,
             "reached": self._reached,
-            "kept": None if kept is None else [kept.buffer.tolist(), *kept[1:]],
+            "kept": None if kept is None else [kept.buffer.tolist(), kept.time, kept.newest, kept.speed, kept.restarts],
             "done": [_written(sample) for sample in self._done],
             "waiting": [_written(sample) for sample in self._waiting],
             "counts": {name: dict(counts) for name, counts in self.counts.items()},
@@ -404,15 +404,15 @@ class LoadFilter:
 
     @property
     def mass_error(self) -> tuple[float, float]:
-        """By how much the sprung mass seems to exceed what was told, over the mass, and the standard deviation."""
+        """By how much the sprung mass seems to exceed its parameter, over the mass, and the standard deviation."""
         return self._car.mass_error()
 
     @property
     def consistency(self) -> dict[str, float]:
         """Mean of each source's squared normalised innovations, over some ten seconds.
 
-        1 where the equations and the noise are what they were told to be; NaN of a source that told nothing. Wheel
-        speeds tell something where there is no IMU.
+        1 where the equations and the noise are as the parameters say; NaN of a source without a use. Wheel speeds
+        are of use where there is no IMU.
         """
         return dict(zip(SOURCES, self._car.consistency(), strict=True))
 

@@ -730,7 +730,7 @@ class CarFilter:
         i: cython.Py_ssize_t
         load: cython.double
         variance: cython.double
-        # Links carry past the springs what these do not have of the mass's moment. Its heights are told.
+        # Links carry past the springs what these do not have of the mass's moment. Its heights are parameters.
         share: cython.double = self.x[_MASS] - self.x[_MOMENT_PITCH]
         doubt: cython.double = self.height * self.height + self.p[_MASS * _N + _MASS]
         doubt += self.p[_MOMENT_PITCH * _N + _MOMENT_PITCH] - 2.0 * self.p[_MASS * _N + _MOMENT_PITCH]
