@@ -10,16 +10,14 @@ come at 100 Hz in both. The ratio is to be at most 1.5.
 from __future__ import annotations
 
 import json
-import os
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from harness import parser, print_machine, print_table, shown, spread, write_json
-from peer import own_domain, running
+from peer import cpu_while_fed, own_domain
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import Imu, JointState
@@ -89,39 +87,20 @@ class Feeder:
         for publisher in self.loads:
             publisher.publish(self.load)
 
-    def run(self, seconds: float) -> None:
-        begin = time.monotonic()
-        for k in range(round(seconds * 500.0)):
-            left = begin + k * 0.002 - time.monotonic()
-            if left > 0.0:
-                time.sleep(left)
-            self.step += 1
-            for every, send in self.sends:
-                if self.step % every == 0:
-                    send()
-
-
-def cpu_of(pid: int) -> float:
-    """Processor time of a process and all of its threads [s]."""
-    after_name = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(after_name[11]) + int(after_name[12])) / os.sysconf("SC_CLK_TCK")
+    def send(self) -> None:
+        """What is due in this 500th of a second."""
+        self.step += 1
+        for every, send in self.sends:
+            if self.step % every == 0:
+                send()
 
 
 def measured(estimated: bool, seconds: float) -> float:
     """Processor time of the node [% of a core]."""
     feeder = Feeder(estimated)
     try:
-        with running(command(estimated)) as process:
-            end = time.monotonic() + 30.0
-            topic = "front_left/load_estimate" if estimated else "front_left/axle_wrench"
-            while not feeder.node.count_publishers(topic):
-                feeder.run(0.2)
-                if process.poll() is not None or time.monotonic() > end:
-                    raise SystemExit("the node did not start")
-            feeder.run(2.0)
-            before, begin = cpu_of(process.pid), time.monotonic()
-            feeder.run(seconds)
-            return 100.0 * (cpu_of(process.pid) - before) / (time.monotonic() - begin)
+        topic = "front_left/load_estimate" if estimated else "front_left/axle_wrench"
+        return cpu_while_fed(command(estimated), feeder.node, topic, feeder.send, seconds)
     finally:
         feeder.node.destroy_node()
 

@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import json
 import sys
-import time
 from collections.abc import Callable
 
 import rclpy
-from estimate import cpu_of
 from geometry_msgs.msg import WrenchStamped
 from harness import parser, print_machine, print_table, shown, spread, write_json
-from peer import own_domain, running
+from peer import cpu_while_fed, own_domain
 from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
@@ -65,30 +63,11 @@ def sender(node: Node, case: str) -> Callable[[], None]:
     return send
 
 
-def feed(send: Callable[[], None], seconds: float) -> None:
-    begin = time.monotonic()
-    for k in range(round(seconds * 500.0)):
-        left = begin + k * 0.002 - time.monotonic()
-        if left > 0.0:
-            time.sleep(left)
-        send()
-
-
 def measured(case: str, seconds: float) -> float:
     """Processor time of the node [% of a core]."""
     node = Node("feeder")
     try:
-        send = sender(node, case)
-        with running(command(case)) as process:
-            end = time.monotonic() + 60.0
-            while not node.count_publishers("/front_left/axle_wrench"):
-                feed(send, 0.2)
-                if process.poll() is not None or time.monotonic() > end:
-                    raise SystemExit("the node did not start")
-            feed(send, 2.0)
-            before, begin = cpu_of(process.pid), time.monotonic()
-            feed(send, seconds)
-            return 100.0 * (cpu_of(process.pid) - before) / (time.monotonic() - begin)
+        return cpu_while_fed(command(case), node, "front_left/axle_wrench", sender(node, case), seconds)
     finally:
         node.destroy_node()
 

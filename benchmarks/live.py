@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from harness import parser, print_machine, print_table, shown, spread, write_json
 from null_node import PACINGS
-from peer import Peer, null_node, our_node, own_domain, running
+from peer import Peer, cpu_of, null_node, our_node, own_domain, running
 
 NODES: dict[str, Callable[[float, Path | None], list[str]]] = {"node": our_node, "null": null_node}
 PATIENCE = 30.0  # [s] for a node to start
@@ -202,12 +202,6 @@ def counted(peer: Peer, key: str) -> float:
     """By how much a count in /diagnostics grew between the first and the last seen."""
     values = [int(status[key]) for status in peer.diagnostics if key in status]
     return float(values[-1] - values[0]) if values else 0.0
-
-
-def cpu_of(pid: int) -> float:
-    """Processor time of a process and all of its threads [s]."""
-    after_name = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(after_name[11]) + int(after_name[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def memory_of(pid: int) -> float:

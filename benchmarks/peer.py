@@ -12,7 +12,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
-__all__ = ["Peer", "own_domain", "our_node", "null_node", "running"]
+__all__ = ["Peer", "cpu_of", "cpu_while_fed", "null_node", "our_node", "own_domain", "running"]
 
 _JOINT_STATE_PERIOD = SECOND // 100
 _STAMP = struct.Struct("<iI")
@@ -111,6 +111,38 @@ def running(command: Sequence[str], **options: Any) -> Iterator[subprocess.Popen
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+
+
+def cpu_of(pid: int) -> float:
+    """Processor time of a process and all of its threads [s]."""
+    after_name = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+    return (int(after_name[11]) + int(after_name[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def cpu_while_fed(command: Sequence[str], node: Node, topic: str, send: Callable[[], None], seconds: float) -> float:
+    """Processor time [% of a core] of a node that runs the command, while ``send`` is called 500 times a second.
+
+    It is measured from 2 s after the node publishes the topic on.
+    """
+
+    def feed(seconds: float) -> None:
+        begin = time.monotonic()
+        for k in range(round(seconds * 500.0)):
+            left = begin + k * 0.002 - time.monotonic()
+            if left > 0.0:
+                time.sleep(left)
+            send()
+
+    with running(command) as process:
+        end = time.monotonic() + 60.0
+        while not node.count_publishers(topic):
+            feed(0.2)
+            if process.poll() is not None or time.monotonic() > end:
+                raise SystemExit("the node did not start")
+        feed(2.0)
+        before, begin = cpu_of(process.pid), time.monotonic()
+        feed(seconds)
+        return 100.0 * (cpu_of(process.pid) - before) / (time.monotonic() - begin)
 
 
 # -- feeding and listening --------------------------------------------------------------------------------------

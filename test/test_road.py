@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from tire_dynamics import TireWheelUnit
+from tire_dynamics import TireWheelUnit, wheel
 from tire_dynamics.bag import BagReader
 from tire_dynamics.cdr.messages import JointStateDecoder, WrenchDecoder, decode_float64
 from tire_dynamics.cli.main import main
@@ -295,6 +295,27 @@ def test_the_picture_has_every_wheel(tmp_path, capsys):
     assert main([*call, "--plot", str(tmp_path / "road.png")]) == 0
     assert (tmp_path / "road.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     assert main([*call, "--plot", str(tmp_path / "road.png")]) == 2
+
+
+@pytest.mark.slow
+def test_a_motion_that_diverges_is_said(tmp_path, capsys):
+    """By `road` and by `replay`; the table ends where the last wheel has diverged, and has no other numbers."""
+    config, bag, table = tmp_path / "unstable.yaml", tmp_path / "bag", tmp_path / "forces.csv"
+    config.write_text(
+        "/**:\n  ros__parameters: {wheels: [a], load_source: road, static_loads: [4000.0], tire.zeta_1: 0.9}\n"
+    )
+    unit, speed = TireWheelUnit.table_1(zeta_1=0.9), 150.0 / 0.305
+    assert wheel.stability(unit, speed, contact=True, n_max=5).verdict == "unstable"
+    drive = ["--class", "C", "--speed-kmh", "540", "--duration", "2", "--config", str(config)]
+    assert main(["road", *drive, "-o", str(bag), "--forces", str(table)]) == 0
+    said = "a: its motion grew beyond all bounds"
+    assert said in capsys.readouterr().err
+    rows = [row.split(",") for row in table.read_text().splitlines()[1:]]
+    assert 10 < len(rows) < 990 and all(math.isfinite(float(each)) for row in rows for each in row)
+    assert main(["replay", str(bag), "-o", str(tmp_path / "out"), "--config", str(config)]) == 0
+    assert said in capsys.readouterr().err
+    assert main(["report", str(tmp_path / "out"), "-o", str(tmp_path / "page.html")]) == 0
+    assert "unstable" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

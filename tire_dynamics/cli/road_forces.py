@@ -147,8 +147,9 @@ def write(
         with aside(Path(options.plot)) as part:
             save(part, partial(draw, fore_aft=fore_aft), forces)
         outputs.append(options.plot)
-    wheels = [_account(forces, k) for k in range(len(options.wheels))]
-    content = {"forces": options.forces, "plot": options.plot, "forces_of": wheels, "without": summary.without}
+    wheels = [_account(forces, k) for k, wheel in enumerate(options.wheels) if wheel not in summary.without]
+    content = {"forces": options.forces, "plot": options.plot, "forces_of": wheels}
+    content |= {"without": summary.without, "doubts": summary.doubts}
     lines = [f"{', '.join(outputs)}: {forces.time.size} times of {len(wheels)} wheels"]
     lines += [
         "{wheel}: contact {contact_least_n:.0f} to {contact_most_n:.0f} N, axle {axle_least_n:.0f} to "
@@ -199,13 +200,13 @@ def _read(log: str, wheels: list[str], drive: Drive, quiet: bool) -> RoadForces:
             axle[rows, k] = values
         else:
             contact[rows, k] = values[:, 1]
-    told = np.searchsorted(START_NS + np.round(drive.time * 1e9).astype(np.int64), every, side="right") - 1
+    row = np.searchsorted(START_NS + np.round(drive.time * 1e9).astype(np.int64), every, side="right") - 1
     return RoadForces(
         wheels=tuple(wheels),
         time=(every - START_NS) * 1e-9,
-        distance=drive.distance[told],
-        speed=drive.speed[told],
-        height=drive.heights[told],
+        distance=drive.distance[row],
+        speed=drive.speed[row],
+        height=drive.heights[row],
         axle=axle,
         contact=contact,
     )

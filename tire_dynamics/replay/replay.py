@@ -28,8 +28,8 @@ _MAY_CHANGE = ("tire.", "ring_shape_scale")  # the parameters that outputs depen
 class Summary(NamedTuple):
     """What a replay did: messages read and written by topic, the parameters, and what is wrong with the bag.
 
-    ``without`` says of wheels that have no outputs why, ``doubts`` what is odd about the speeds and loads. Of a log of
-    the node there are no doubts.
+    ``without`` says of wheels that have no outputs why, ``doubts`` what is odd: of wheels whose motion diverged, and,
+    but of a log of the node, of the speeds and loads.
     """
 
     received: dict[str, int]
@@ -120,6 +120,12 @@ def replay(
     if seen is not None and pipeline.mapped:
         doubts += doubts_of(pipeline.take_sums(), pipeline.values, watched(pipeline.values))
         doubts += pipeline.motion.ever.values() if pipeline.motion is not None else ()
+    doubts += [
+        f"{wheel}: its motion grew beyond all bounds, and has outputs again only where the tire is not unstable; "
+        "tire-dynamics stability says where it is"
+        for wheel, inputs in zip(pipeline.values["wheels"], pipeline.vehicle.inputs, strict=True)
+        if inputs.divergences
+    ]
     return Summary(received, written, pipeline.values, reader.damage, without, doubts)
 
 

@@ -760,8 +760,11 @@ class TireDynamicsNode(LifecycleNode):
         def take(found: Any, error: Exception | None) -> None:
             if error is None:
                 then(found)
+            else:
+                text = f"the wheels cannot be compared with the imu: {first_line(error)}"
+                self.get_logger().error(text, throttle_duration_sec=60.0)
 
-        self._worker.ask("motion", work, take)
+        self._worker.ask(work, work, take)  # each look counts once, however long one waits: no two share a key
 
     def _node_status(self) -> DiagnosticStatus:
         missed, ticks = self._second.missed - self._before.missed, self._second.ticks - self._before.ticks
