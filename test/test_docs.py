@@ -171,3 +171,11 @@ def test_links_lead_somewhere(page: Path):
         assert target.exists(), link
         if anchor and not anchor.startswith("tire_dynamics."):  # those of the reference are made from docstrings
             assert anchor in anchors(target), link
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(REPOSITORY).as_posix())
+def test_no_table_is_torn_apart(page: Path):
+    """A blank line within a table makes text of the rows behind it."""
+    text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for table in re.findall(r"(?:^\|.*\n)+", text, re.MULTILINE):
+        assert re.search(r"\n\|[-:| ]+\|\n", table), table
