@@ -44,6 +44,17 @@ def test_each_reads_zstd_of_the_other(zstd, data):
     assert zstd.size(theirs) == zstandard.frame_content_size(theirs) == len(data)
 
 
+@given(st.integers(-3, 3), st.integers(1, 4), st.sampled_from([bytes, bytearray]), st.randoms(use_true_random=False))
+def test_a_frame_made_in_pieces_is_one(zstd, more, pieces, kind, random):
+    """It tells its size, as one that is made at once does, and takes no more room but for its blocks' heads."""
+    size = pieces * compression._PIECE + more
+    data = kind((random.randbytes(997) * (1 + size // 997))[:size])
+    frame = compression.compressor("zstd")(data)
+    assert zstandard.frame_content_size(frame) == compression.zstd_size(frame) == size
+    assert zstandard.ZstdDecompressor().decompress(frame) == zstd.data(frame, size) == data
+    assert len(frame) <= 1.01 * len(zstandard.ZstdCompressor(level=compression._LEVEL).compress(data)) + 64
+
+
 @given(DATA)
 def test_each_reads_lz4_of_the_other(lz4_library, data):
     theirs = lz4.frame.compress(data)
