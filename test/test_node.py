@@ -34,6 +34,7 @@ from std_srvs.srv import SetBool, Trigger
 from tire_dynamics import TireWheelUnit, ring, wheel
 from tire_dynamics.files.errors import InputError
 from tire_dynamics.replay.parameters import PARAMETERS
+from tire_dynamics.ros.deadlines import MADE_UP
 from tire_dynamics.ros.node import TireDynamicsNode
 
 PATIENCE = 180.0  # [s] after which what should have happened has not; a passing test never waits for it
@@ -484,7 +485,7 @@ def test_stamps_ascend_one_period_apart_and_never_lie_ahead(bench):
 
 
 def test_paced_by_its_caller(ros_domain):
-    """Deadlines one period apart: what is missed altogether is counted and left out, and no tick comes in a bunch."""
+    """Deadlines one period apart: a stall is made up for, and of what is missed beyond that the rest is counted."""
     context = Context()
     context.init(args=[], domain_id=ros_domain)
     arguments = ["--ros-args", "-p", "rate_hz:=20.0", "-p", "ring_rate_hz:=10.0"]
@@ -503,14 +504,17 @@ def test_paced_by_its_caller(ros_domain):
             due = time.monotonic() + node.until_tick()
             node.pace()
             assert ticks()[0] == count + 1 or time.monotonic() >= due, "a tick before it is due"
-        count, before = ticks()[0], sum(ticks())
-        lost = time.monotonic()
-        time.sleep(0.3)
-        late = -node.until_tick()
+        while node.until_tick() <= 0.0:
+            node.pace()
+        count, before = ticks()
+        time.sleep(20.0 * period)
+        passed = 1 + int(-node.until_tick() / period)
         node.pace()
-        assert node.until_tick() > -(time.monotonic() - lost - 0.3) - period  # one tick, not thirty
         done, missed = ticks()
-        assert done == count + 1 and done + missed - before == pytest.approx(late / period, abs=2)
+        assert done == count + 1
+        assert passed - 1 - MADE_UP <= missed - before <= passed + 1  # a deadline may pass between the looks
+        behind = -node.until_tick() / period
+        assert behind <= MADE_UP + 1, "a backlog"
     finally:
         node.destroy_node()
         context.try_shutdown()

@@ -6,7 +6,6 @@ timers and services share the pipeline and its clock. What it says, logs and wor
 
 from __future__ import annotations
 
-import contextlib
 import gc
 import json
 import math
@@ -15,7 +14,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -39,15 +38,17 @@ from ..files.errors import InputError, first_line
 from ..replay.input_watch import InputWatch
 from ..replay.parameters import NODE_NAME, complete
 from ..replay.pipeline import LOG_RECORD, TF_STATIC, TICK, Pipeline
-from . import diagnostics, node_parameters, typed
+from . import diagnostics, duties, node_parameters, typed
 from .analyst import Analyst
 from .announcer import Announcer
+from .deadlines import Deadlines
 from .deferred import Deferred, allow_deferred
 from .installed import definitions_of, message_class
 from .journal import DIAGNOSTICS, Journal
 from .load_diagnostics import change_of, of_loads
 from .markers import MarkerBuilder
 from .qos_overrides import QosOverrides, as_recorded
+from .scheduling import run_in_time
 from .stop import Stop
 from .uniformity_monitor import UniformityMonitor, variation_of
 from .worker import Worker
@@ -57,22 +58,12 @@ __all__ = ["TireDynamicsNode", "run"]
 _IDLE = 20_000_000  # [ns] between two looks at everything else while the node is not active
 _UPDATE = 0.25  # [s] after which what has changed of inputs and logs is said on /rosout
 _WAKE = 0.25  # [s] between two looks at the time where nothing comes in
-_SLACK = 1  # [ns] by which the kernel may end a wait of this thread late, to save power; its default is 50 us
-_LEAST_SPIN = 50e-6  # [s] between two ticks for everything else, however late they are
+_MOST_WAITING = 64  # inputs that are let in before a tick that is late
 _NOT_ACTIVE = "the node is not active"
 _BUSY = "too many requests are waiting; ask again"
 _AT_ONCE = 8  # results of the worker that are taken up between two ticks: each takes some 50 us
 _SWITCH = 1e-4  # [s] after which a thread that computes gives way to the one that ticks
 _SLOWEST = 20.0  # [rad/s] at which the diagnostics look at a tire that varies: the work goes with the time of a turn
-
-
-class _PeriodicTask:
-    """What is done every so often, beside the ticks; times in ns on the steady clock."""
-
-    def __init__(self, seconds: float, call: Callable[[], None]) -> None:
-        self.call = call
-        self.period = round(1e9 * seconds)
-        self.due = time.monotonic_ns() + self.period
 
 
 class _Second(NamedTuple):
@@ -102,6 +93,11 @@ class TireDynamicsNode(LifecycleNode):
     paced : bool
         Whether the caller calls :meth:`pace` when :meth:`until_tick` is over. Without it a timer makes the ticks, on
         whatever executor the node is given.
+
+    Attributes
+    ----------
+    received : int
+        Messages that came in while it was active.
 
     Raises
     ------
@@ -151,14 +147,15 @@ class TireDynamicsNode(LifecycleNode):
         self._preparing = False
         self._namesakes = 0
         self._time: int | None = None
+        self.received = 0
         self._ticks = self._missed = self._before_clock = 0
         self._before = self._second = _Second()
         self._step_times: list[float] = []
         self._stabilities: list[dict[str, Any]] = []
         self._next_wheel = 0
         self._period = 0
-        self._deadline = time.monotonic_ns()
-        self._tasks: list[_PeriodicTask] = []
+        self._deadlines = Deadlines(time.monotonic_ns(), _IDLE)
+        self._duties = duties.Duties(time.monotonic_ns)
         self._paced = paced
         # Timers run on the steady clock: one on the ROS clock stalls when the system time is set back.
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -166,7 +163,7 @@ class TireDynamicsNode(LifecycleNode):
         try:
             self._qos = QosOverrides(self)
             self._diagnostics = self._qos.publisher(DiagnosticArray, DIAGNOSTICS, 10)
-            self._add_task(1.0, self._diagnose)
+            self._add_duty(1.0, self._diagnose)
             self.add_on_set_parameters_callback(self._check_change)
             self.add_post_set_parameters_callback(self._apply_change)
             self._autostart = self._is_to_start()
@@ -198,13 +195,13 @@ class TireDynamicsNode(LifecycleNode):
             assert self._refusal is not None
             raise self._refusal
 
-    def _add_task(self, seconds: float, call: Callable[[], None]) -> None:
+    def _add_duty(self, seconds: float, call: duties.Call) -> None:
         """Have something done every so often, by :meth:`pace` or a timer."""
         if self._paced:
-            self._tasks.append(_PeriodicTask(seconds, call))
-            self._made.append((self._tasks.remove, self._tasks[-1]))
+            self._made.append((self._duties.remove, self._duties.add(seconds, call)))
         else:
-            self._made.append((self.destroy_timer, self.create_timer(seconds, call, clock=self._steady)))
+            timer = self.create_timer(seconds, partial(duties.do_all, call), clock=self._steady)
+            self._made.append((self.destroy_timer, timer))
 
     # -- the states of a managed node -----------------------------------------------------------------------
 
@@ -285,7 +282,7 @@ class TireDynamicsNode(LifecycleNode):
         except InputError:
             self._journal.end()
             raise
-        self._deadline = time.monotonic_ns()
+        self._deadlines = Deadlines(time.monotonic_ns(), self._period)
         self._active = True
         wheels = len(self._pipeline.vehicle.settings.wheels)
         log = f"log in {self._journal.log.folder}" if self._journal.log is not None else "no log"
@@ -297,6 +294,7 @@ class TireDynamicsNode(LifecycleNode):
 
     def _deactivate(self) -> None:
         was_active, self._active = self._active, False
+        self._duties.drop()
         self._worker.forget()
         self._judge.forget()
         while self._unanswered:
@@ -352,10 +350,10 @@ class TireDynamicsNode(LifecycleNode):
         allow_deferred(self._service(SetBool, "~/set_logging", self._set_logging))
         self._stabilities = [{} for _ in wheels]
         self._next_wheel = 0
-        self._add_task(1.0 / len(wheels), self._update_stability)
-        self._add_task(_UPDATE, self._update)
+        self._add_duty(1.0 / len(wheels), self._update_stability)
+        self._add_duty(_UPDATE, self._update)
         if not self._paced:
-            self._add_task(self._period * 1e-9, self._tick)
+            self._add_duty(self._period * 1e-9, self._tick)
         self._publish_transforms()
         self._qos.check()
 
@@ -491,6 +489,7 @@ class TireDynamicsNode(LifecycleNode):
         def callback(data: bytes) -> None:
             if not self._active:
                 return
+            self.received += 1
             now = self._now()
             if now == 0:  # simulated time before the first /clock
                 self._before_clock += 1
@@ -507,33 +506,25 @@ class TireDynamicsNode(LifecycleNode):
 
     def until_tick(self) -> float:
         """Time until the next tick is due [s], on the steady clock; negative if it is late."""
-        return (self._deadline - time.monotonic_ns()) * 1e-9
+        return (self._deadlines.due - time.monotonic_ns()) * 1e-9
 
     def pace(self) -> None:
-        """Tick if a tick is due, and do the rarer duties that are.
-
-        The deadlines lie one period apart; those that were missed altogether are left out.
-        """
+        """Tick if a tick is due, and do the rarer duties that are."""
         steady = time.monotonic_ns()
-        late = steady - self._deadline
         if not self._active:
-            self._deadline = steady + _IDLE
-        elif late >= 0:
+            self._deadlines = Deadlines(steady + _IDLE, _IDLE)
+        else:
             if self._time is None:  # the deadlines begin with the first tick, whatever the start of the process took
-                self._deadline, late = steady, 0
-            missed = late // self._period
-            self._deadline += (1 + missed) * self._period
-            now = self._now()
-            if now and not self._clock_now.ros_time_is_active:
-                self._missed += missed
-                self._tick_at(now, self._after_last(now - late + missed * self._period, now))
-            else:
-                self._tick()
+                self._deadlines = Deadlines(steady, self._period)
+            if (tick := self._deadlines.take(steady)) is not None:
+                now = self._now()
+                if now and not self._clock_now.ros_time_is_active:
+                    self._missed += tick.left_out
+                    self._tick_at(now, self._after_last(now - (steady - tick.deadline), now))
+                else:
+                    self._tick()
         self._deliver_results()
-        for task in self._tasks:
-            if steady >= task.due:
-                task.due = max(task.due + task.period, steady)
-                task.call()
+        self._duties.do(self._deadlines.due)
 
     def _after_last(self, stamp: int, now: int) -> int | None:
         """A stamp that lies behind the last one; None if there is no room for it. A clock set back starts anew."""
@@ -722,7 +713,7 @@ class TireDynamicsNode(LifecycleNode):
     def _present_second(self) -> _Second:
         return _Second(self._ticks, self._missed, [inputs.counts for inputs in self._pipeline.vehicle.inputs])
 
-    def _diagnose(self) -> None:
+    def _diagnose(self) -> Iterator[None]:
         names = self.get_node_names_and_namespaces()
         self._namesakes = names.count((self.get_name(), self.get_namespace())) - 1
         array = DiagnosticArray()
@@ -730,21 +721,26 @@ class TireDynamicsNode(LifecycleNode):
         if self._active:
             self._before, self._second = self._second, self._present_second()
             self._check_inputs()
+            yield
             array.status = [self._node_status()]
             for index in range(len(self._pipeline.vehicle.inputs)):
+                yield
                 array.status.append(self._wheel_status(index))
             if (loads := self._pipeline.loads) is not None:
+                yield
                 array.status.append(self._status("load estimate", of_loads(loads)))
                 if change := change_of(self._missing, loads):
                     self.get_logger().warning(change)
                 if loads.filter.running or self._missing is not None:
                     self._missing = loads.missing
+            yield
         else:
             array.status = [self._idle_status()]
-        self._diagnostics.publish(array)
+        data = bytes(serialize_message(array))
+        self._diagnostics.publish(data)
         now = self._now()
         if now and self._active:
-            self._journal.put(DIAGNOSTICS, now, now, bytes(serialize_message(array)))
+            self._journal.put(DIAGNOSTICS, now, now, data)
 
     def _check_inputs(self) -> None:
         """Say what has become odd about the inputs, once: numbers in it change from second to second."""
@@ -848,7 +844,7 @@ def run(stop: Stop) -> None:
     except (ParameterException, NameValidationException, ValueError) as error:
         raise InputError(first_line(error)) from None
     sys.setswitchinterval(_SWITCH)
-    _wake_in_time()
+    run_in_time()
     try:
         executor = EventsExecutor()
         executor.add_node(node)
@@ -859,7 +855,7 @@ def run(stop: Stop) -> None:
         while not stop():  # docs/real_time.md says why so
             left = node.until_tick()
             if left <= 0.0:
-                executor.spin_once(timeout_sec=_LEAST_SPIN)
+                _let_in(executor, node)
             while left > 0.0:
                 executor.spin_once(timeout_sec=left)
                 left = node.until_tick()
@@ -877,10 +873,13 @@ def _put_into_fields(found: dict[str, Any], response: Any) -> None:
     typed.fill_stability(response.stability, found)
 
 
-def _wake_in_time() -> None:
-    """Let the waits of the process's first thread, which ticks, end when they are over (Linux)."""
-    with contextlib.suppress(OSError), open("/proc/self/timerslack_ns", "w", encoding="ascii") as file:
-        file.write(f"{_SLACK}")
+def _let_in(executor: Any, node: TireDynamicsNode) -> None:
+    """Take what waits, before a tick that is late: inputs may be of before its time. Of anything else one at a time."""
+    for _ in range(_MOST_WAITING):
+        before = node.received
+        executor.spin_once(timeout_sec=0.0)
+        if node.received == before:
+            return
 
 
 def _wake(executor: Any) -> None:
