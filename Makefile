@@ -43,11 +43,11 @@ each = @failed=; for part in $(1); do \
 	if [ -n "$$failed" ]; then echo "make $@: FAILED:$$failed (of: $(strip $(1)))" >&2; exit 1; fi; \
 	echo "make $@: passed: $(strip $(1))"
 
-.PHONY: help run check test nightly interop colcon docs lint types bench identify-study loads soak kill clean
+.PHONY: help run check test nightly interop colcon aarch64 docs lint types bench identify-study loads soak kill clean
 .PHONY: tests-quick tests-parallel tests-live tests-random tests-long
 
 help:  ## this list
-	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F ':.*## ' '/^[a-z0-9-]+:.*## / {printf "make %-14s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run: $(READY)  ## the demonstration: a live node, its log, and the log replayed bit for bit
 	$(PY) -m tire_dynamics.ros.demo
@@ -94,6 +94,9 @@ types: $(TESTS)  ## mypy
 
 colcon: $(TESTS) $(COLCON) $(GENERATORS)  ## builds, tests and starts the package as a ROS user does, in a fresh colcon workspace
 	VENV=$(abspath $(VENV)) test/colcon.sh
+
+aarch64: $(TESTS)  ## the core cross-compiled and run by qemu: the same bytes as here? test/aarch64.sh says what it needs
+	VENV=$(abspath $(VENV)) test/aarch64.sh
 
 bench: $(TESTS)  ## every benchmark in turn, about 15 minutes; figures also go to build/bench
 	@mkdir -p build/bench
