@@ -15,7 +15,7 @@ done
 VERSION=$("$VENV/bin/python" -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 HERE=$PWD
 rm -rf build/aarch64
-mkdir -p build/aarch64/debs build/aarch64/root build/aarch64/source build/aarch64/sysconfig
+mkdir -p build/aarch64/debs build/aarch64/sysroot build/aarch64/source build/aarch64/sysconfig
 cd build/aarch64
 BUILD=$PWD
 
@@ -24,8 +24,8 @@ for package in python$VERSION-minimal libpython$VERSION-minimal libpython$VERSIO
     libc6 libgcc-s1 libstdc++6 zlib1g libexpat1 libffi8 libbz2-1.0 liblzma5 libssl3 libuuid1 libsqlite3-0; do
     (cd debs && apt-get download -q -q "$package:arm64")
 done
-for package in debs/*.deb; do dpkg-deb -x "$package" root; done
-cp root/usr/lib/python$VERSION/_sysconfigdata__aarch64-linux-gnu.py sysconfig/
+for package in debs/*.deb; do dpkg-deb -x "$package" sysroot; done
+cp sysroot/usr/lib/python$VERSION/_sysconfigdata__aarch64-linux-gnu.py sysconfig/
 "$VENV/bin/python" -m pip download --quiet --disable-pip-version-check --only-binary=:all: --dest wheels \
     --python-version "$VERSION" --platform manylinux_2_28_aarch64 --platform manylinux_2_27_aarch64 \
     --platform manylinux2014_aarch64 --platform any \
@@ -37,7 +37,7 @@ git -C "$HERE" archive HEAD | tar -x -C source
     cd source
     export PYTHONPATH="$BUILD/sysconfig" _PYTHON_SYSCONFIGDATA_NAME=_sysconfigdata__aarch64-linux-gnu
     export _PYTHON_HOST_PLATFORM=linux-aarch64 CC=aarch64-linux-gnu-gcc LDSHARED="aarch64-linux-gnu-gcc -shared"
-    export CFLAGS="-I$BUILD/root/usr/include/python$VERSION -I$BUILD/root/usr/include"
+    export CFLAGS="-I$BUILD/sysroot/usr/include/python$VERSION -I$BUILD/sysroot/usr/include"
     "$VENV/bin/python" setup.py --quiet bdist_wheel --plat-name linux_aarch64 --dist-dir "$BUILD/wheels" 2> "$BUILD/wheel.log" ||
         { cat "$BUILD/wheel.log" >&2; exit 1; }
 )
@@ -49,7 +49,7 @@ if find site/tire_dynamics -name '*.so' -exec aarch64-linux-gnu-objdump -d {} + 
 fi
 
 emulated() {
-    PYTHONPATH="$BUILD/site" OPENBLAS_NUM_THREADS=1 qemu-aarch64-static -L "$BUILD/root" "root/usr/bin/python$VERSION" "$@"
+    PYTHONPATH="$BUILD/site" OPENBLAS_NUM_THREADS=1 qemu-aarch64-static -L "$BUILD/sysroot" "sysroot/usr/bin/python$VERSION" "$@"
 }
 
 echo "== a replay there and here"
@@ -75,6 +75,6 @@ END
 
 echo "== tests of the core there"
 cd source
-PYTHONPATH="$BUILD/source:$BUILD/site" OPENBLAS_NUM_THREADS=1 qemu-aarch64-static -L "$BUILD/root" \
-    "$BUILD/root/usr/bin/python$VERSION" -m pytest -q -p no:cacheprovider -m 'not live and not slow and not nightly' \
+PYTHONPATH="$BUILD/source:$BUILD/site" OPENBLAS_NUM_THREADS=1 qemu-aarch64-static -L "$BUILD/sysroot" \
+    "$BUILD/sysroot/usr/bin/python$VERSION" -m pytest -q -p no:cacheprovider -m 'not live and not slow and not nightly' \
     $(for name in $TESTS; do echo "test/$name.py"; done)

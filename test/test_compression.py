@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import random
 from ctypes.util import find_library
 
 import lz4.frame
@@ -44,15 +45,23 @@ def test_each_reads_zstd_of_the_other(zstd, data):
     assert zstd.size(theirs) == zstandard.frame_content_size(theirs) == len(data)
 
 
-@given(st.integers(-3, 3), st.integers(1, 4), st.sampled_from([bytes, bytearray]), st.randoms(use_true_random=False))
-def test_a_frame_made_in_pieces_is_one(zstd, more, pieces, kind, random):
+@pytest.mark.parametrize("by", ["package", "library"])
+@given(
+    more=st.integers(-3, 3),
+    pieces=st.integers(1, 4),
+    kind=st.sampled_from([bytes, bytearray]),
+    repeated=st.integers(1, 2000),
+    seed=st.integers(0, 2**32),
+)
+def test_a_frame_made_in_pieces_is_one(zstd, by, more, pieces, kind, repeated, seed):
     """It tells its size, as one that is made at once does, and takes no more room but for its blocks' heads."""
     size = pieces * compression._PIECE + more
-    data = kind((random.randbytes(997) * (1 + size // 997))[:size])
-    frame = compression.compressor("zstd")(data)
+    data = kind((random.Random(seed).randbytes(997 * repeated) * (1 + size // (997 * repeated)))[:size])
+    compressor = zstandard.ZstdCompressor(level=compression._LEVEL)
+    frame = compression._in_pieces(compressor if by == "package" else zstd, data)
     assert zstandard.frame_content_size(frame) == compression.zstd_size(frame) == size
     assert zstandard.ZstdDecompressor().decompress(frame) == zstd.data(frame, size) == data
-    assert len(frame) <= 1.01 * len(zstandard.ZstdCompressor(level=compression._LEVEL).compress(data)) + 64
+    assert len(frame) <= 1.01 * len(compressor.compress(data)) + 64
 
 
 @given(DATA)

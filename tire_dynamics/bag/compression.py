@@ -48,7 +48,7 @@ def compressor(name: str) -> Callable[[bytes | bytearray], bytes]:
         package = _package("zstandard")
         if package is not None:
             return partial(_in_pieces, package.ZstdCompressor(level=_LEVEL))
-        return _library(_Zstd).compress
+        return partial(_in_pieces, _library(_Zstd))
     if name == "lz4":
         package = _package("lz4.frame")
         if package is not None:
@@ -195,6 +195,11 @@ class _Zstd:
         self.new_stream = _with_types(library.ZSTD_createDStream, _POINTER)
         self.free_stream = _with_types(library.ZSTD_freeDStream, _SIZE, _POINTER)
         self.step_stream = _with_types(library.ZSTD_decompressStream, _SIZE, *pointers)
+        self.new_frame = _with_types(library.ZSTD_createCCtx, _POINTER)
+        self.free_frame = _with_types(library.ZSTD_freeCCtx, _SIZE, _POINTER)
+        self.set_parameter = _with_types(library.ZSTD_CCtx_setParameter, _SIZE, _POINTER, ctypes.c_int, ctypes.c_int)
+        self.set_size = _with_types(library.ZSTD_CCtx_setPledgedSrcSize, _SIZE, _POINTER, ctypes.c_ulonglong)
+        self.step_frame = _with_types(library.ZSTD_compressStream2, _SIZE, *pointers, ctypes.c_int)
 
     def checked(self, code: int) -> int:
         if self._is_error(code):
@@ -206,6 +211,9 @@ class _Zstd:
         out = ctypes.create_string_buffer(self._bound(len(source)))
         size = self.checked(self._compress(out, len(out), source, len(source), _LEVEL))
         return out.raw[:size]
+
+    def compressobj(self, size: int) -> _ZstdLibraryFrame:
+        return _ZstdLibraryFrame(self, size)
 
     def size(self, data: bytes) -> int:
         size: int = self._content_size(data, len(data))
@@ -224,6 +232,40 @@ class _Zstd:
 
     def stream(self) -> _ZstdLibraryStream:
         return _ZstdLibraryStream(self)
+
+
+class _ZstdLibraryFrame:
+    """As zstandard's ``compressobj``."""
+
+    _LEVEL_PARAMETER = 100  # ZSTD_c_compressionLevel
+    _GO_ON, _END = 0, 2  # ZSTD_EndDirective
+
+    def __init__(self, library: _Zstd, size: int) -> None:
+        self._library = library
+        self._frame = library.new_frame()
+        self._out = ctypes.create_string_buffer(2**17)
+        library.checked(library.set_parameter(self._frame, self._LEVEL_PARAMETER, _LEVEL))
+        library.checked(library.set_size(self._frame, size))
+
+    def compress(self, piece: bytes | memoryview) -> bytes:
+        return self._step(bytes(piece), self._GO_ON)
+
+    def flush(self) -> bytes:
+        return self._step(b"", self._END)
+
+    def _step(self, piece: bytes, directive: int) -> bytes:
+        source = _Buffer(ctypes.cast(ctypes.c_char_p(piece), _POINTER), len(piece), 0)
+        parts = []
+        while True:
+            out = _Buffer(ctypes.addressof(self._out), len(self._out), 0)
+            step = self._library.step_frame(self._frame, ctypes.byref(out), ctypes.byref(source), directive)
+            left = self._library.checked(step)
+            parts.append(self._out.raw[: out.position])
+            if source.position == len(piece) and (directive == self._GO_ON or not left):
+                return b"".join(parts)
+
+    def __del__(self) -> None:
+        self._library.free_frame(self._frame)
 
 
 class _ZstdLibraryStream:
